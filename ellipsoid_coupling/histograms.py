@@ -1,0 +1,91 @@
+"""Densities and angle distributions of particles, r-grids and (r, theta) grids on the same bins.
+
+Particles are counted; cells hand their mass to the bins that they overlap, so that every model's
+result can be subtracted from every other's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Range = tuple[float, float]
+
+FULL_TURN = 2.0 * np.pi
+
+
+def overlap_matrix(edges: Floats, bin_edges: Floats) -> Floats:
+    """The part of each cell (columns) that lies in each bin (rows), (bins, cells)."""
+    low = np.maximum(edges[None, :-1], bin_edges[:-1, None])
+    high = np.minimum(edges[None, 1:], bin_edges[1:, None])
+    return np.asarray(np.clip(high - low, 0.0, None) / np.diff(edges)[None, :])
+
+
+def particle_density(x: Floats, y: Floats, x_range: Range, y_range: Range, cells: int) -> Floats:
+    """Histogram density of particles (any shape, all counted alike) on cells x cells bins.
+
+    Returns (cells, cells), axis order (y, x); its integral is the part of the particles inside.
+    """
+    counts, _, _ = np.histogram2d(
+        y.ravel(), x.ravel(), bins=cells, range=[list(y_range), list(x_range)]
+    )
+    area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0]) / cells**2
+    return np.asarray(counts / (x.size * area))
+
+
+def grid_density(density: Floats, x_range: Range, y_range: Range, cells: int) -> Floats:
+    """A cell density (ny, nx) that covers the ranges, handed on to cells x cells bins."""
+    ny, nx = density.shape
+    to_y = overlap_matrix(np.linspace(*y_range, ny + 1), np.linspace(*y_range, cells + 1))
+    to_x = overlap_matrix(np.linspace(*x_range, nx + 1), np.linspace(*x_range, cells + 1))
+    return np.asarray(to_y @ density @ to_x.T * (cells / ny) * (cells / nx))
+
+
+def particle_angles(angle: Floats, bins: int) -> Floats:
+    """Angle distribution of particles on [0, 2 pi), (bins,), integral 1."""
+    counts, _ = np.histogram(np.mod(angle, FULL_TURN), bins=bins, range=(0.0, FULL_TURN))
+    return np.asarray(counts * bins / (FULL_TURN * angle.size))
+
+
+def field_angles(mean_angle: Floats, mass: Floats, bins: int) -> Floats:
+    """Angle distribution of a field of angles (ny, nx) weighted with each cell's mass, (bins,).
+
+    A cell's angle varies across it; its mass is spread over the interval between the midpoints to
+    its neighbours' angles (in x and y, a quarter each), where they hold mass too.
+    """
+    distribution = np.zeros(bins)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            neighbour, there = np.roll(mean_angle, step, axis), np.roll(mass, step, axis)
+            edge = [slice(None), slice(None)]
+            edge[axis] = slice(0, 1) if step == 1 else slice(-1, None)
+            there[tuple(edge)] = 0.0
+            reach = np.where(there > 1e-3 * mass, 0.5 * (neighbour - mean_angle), 0.0)
+            distribution += 0.25 * _spread(mean_angle, reach, mass, bins)
+    return distribution
+
+
+def _spread(start: Floats, reach: Floats, mass: Floats, bins: int) -> Floats:
+    """Mass spread evenly over [start, start + reach], as four points, on [0, 2 pi)."""
+    width = FULL_TURN / bins
+    total = np.zeros(bins)
+    for part in (0.125, 0.375, 0.625, 0.875):
+        index = np.mod(start + part * reach, FULL_TURN) // width
+        total += np.bincount(
+            np.minimum(index.astype(np.int64), bins - 1).ravel(), 0.25 * mass.ravel(), bins
+        )
+    return total / (width * max(float(mass.sum()), 1e-300))
+
+
+def regrid_angles(distribution: Floats, bins: int) -> Floats:
+    """An angle distribution on cells centred on multiples of their width, handed on to bins.
+
+    Cell a of n covers ((a - 1/2) w, (a + 1/2) w) with w = 2 pi / n; bins start at 0.
+    """
+    n = distribution.size
+    width = FULL_TURN / n
+    edges = (np.arange(n + 1) - 0.5) * width
+    bin_edges = np.linspace(0.0, FULL_TURN, bins + 1)
+    weights = overlap_matrix(edges, bin_edges) + overlap_matrix(edges + FULL_TURN, bin_edges)
+    return np.asarray(weights @ distribution * (bins / n))

@@ -1,0 +1,113 @@
+"""Compiled kernels: one wrapper holds every compile option, one folder holds what was compiled.
+
+Numba's cache does not notice an edit in a file other than the cached function's own, so the cache
+folder is named by a hash of all sources of the package: an edit anywhere compiles anew, an unchanged
+package never does.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, Self, TypeVar, cast
+
+import numba
+from numba.core import event
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Re-association and contraction, but NaN and infinity keep their meaning: divergence stays visible.
+KERNEL_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"},
+}
+
+
+def cache_home() -> Path:
+    """The folder for everything that can be made again: compiled kernels and solved flows.
+
+    ``ELLIPSOID_CACHE`` where set, else ``XDG_CACHE_HOME``/ellipsoid_coupling, else the same below
+    ``~/.cache``.
+    """
+    named = os.environ.get("ELLIPSOID_CACHE")
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "ellipsoid_coupling"
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+numba.config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
+
+
+def kernel(function: Function) -> Function:
+    """Compile `function` for one thread; the original stays reachable as ``.py_func``."""
+    return cast(Function, numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS)(function))
+
+
+def inline_kernel(function: Function) -> Function:
+    """Compile a small scalar formula that every caller shall inline, so that its loop vectorises."""
+    compiled = numba.njit(cache=True, nogil=True, inline="always", **KERNEL_OPTIONS)(function)
+    return cast(Function, compiled)
+
+
+def parallel_kernel(function: Function) -> Function:
+    """Compile `function` with its ``numba.prange`` loops shared among the threads."""
+    compiled = numba.njit(cache=True, nogil=True, parallel=True, **KERNEL_OPTIONS)(function)
+    return cast(Function, compiled)
+
+
+@functools.cache
+def _threads(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, thread_name_prefix="ellipsoid")
+
+
+def for_each(count: int, task: Callable[[int], None]) -> None:
+    """Run ``task(0) .. task(count - 1)`` on numba's number of threads; tasks must be independent.
+
+    For kernels that release the lock of Python and take nested tuples, which ``prange`` cannot. The
+    first task runs alone, so that a kernel is compiled once.
+    """
+    if count == 0:
+        return
+    task(0)
+    workers = numba.get_num_threads()
+    if workers == 1:
+        for k in range(1, count):
+            task(k)
+        return
+    for _ in _threads(workers).map(task, range(1, count)):
+        pass
+
+
+class CompileTimer:
+    """A context that adds up the seconds that numba spends compiling, in `seconds`."""
+
+    def __init__(self) -> None:
+        self._listener = event.TimingListener()
+        self._context: AbstractContextManager[object] = event.install_listener(
+            "numba:compile", self._listener
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far; 0 if everything came from the cache."""
+        return float(self._listener.duration) if self._listener.done else 0.0
+
+    def __enter__(self) -> Self:
+        self._context.__enter__()
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        self._context.__exit__(None, None, None)

@@ -1,0 +1,46 @@
+"""The models of the hierarchy, one file each; a new file with a `Model` class is found by itself."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.models.base import Arrays, Model, SchemeName, Setup
+
+__all__ = ["SCHEMES", "Arrays", "Model", "SchemeName", "Setup", "build_model", "model_names"]
+
+SCHEMES: tuple[SchemeName, ...] = ("paper", "accurate")
+
+
+def _classes() -> dict[str, type[Model]]:
+    found: dict[str, type[Model]] = {}
+    for module in pkgutil.iter_modules(__path__):
+        contents = vars(importlib.import_module(f"{__name__}.{module.name}"))
+        model = contents.get("MODEL")
+        if model is not None:
+            found.update(dict.fromkeys(model.names, model))
+    return found
+
+
+def model_names() -> list[str]:
+    """The names of all models, sorted."""
+    return sorted(_classes())
+
+
+def build_model(name: str, setup: Setup) -> Model:
+    """The model called `name`, at the scene's start.
+
+    Raises
+    ------
+    InputError
+        For an unknown model or scheme.
+    """
+    classes = _classes()
+    if name not in classes:
+        known = ", ".join(sorted(classes))
+        raise InputError("--model", f"one of {known}", repr(name), "Choose one of these.")
+    if setup.scheme not in SCHEMES:
+        known = ", ".join(SCHEMES)
+        raise InputError("--scheme", f"one of {known}", repr(setup.scheme), "Choose one of these.")
+    return classes[name](name, setup)

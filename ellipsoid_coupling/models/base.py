@@ -1,0 +1,71 @@
+"""What every model offers to the time loop, and what it is built from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.scenes import Scene, Terms
+
+Arrays = dict[str, NDArray[np.generic]]
+SchemeName = Literal["paper", "accurate"]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything a model is built from; two equal setups give the same bits."""
+
+    scene: Scene
+    terms: Terms
+    scheme: SchemeName
+    flow: FlowField | None
+    seed: int
+    realisations: int
+
+
+class Model(Protocol):
+    """One model on one scene, somewhere between start and end.
+
+    `advance` does a bounded amount of work, so that progress can be shown and checkpoints written
+    between calls; the steps that it takes do not depend on how it is cut into calls.
+    """
+
+    names: ClassVar[tuple[str, ...]]
+    layout: ClassVar[Literal["particles", "rho", "q"]]
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        """Build the model called `name` and put it to the scene's start."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """The time that all of the model has reached."""
+        ...
+
+    def advance(self, until: float) -> None:
+        """Take some steps, none beyond `until`; raises RunError where it cannot go on."""
+        ...
+
+    def snapshot(self) -> Arrays:
+        """The variables of the result file at the present time (without the time axis)."""
+        ...
+
+    def state(self) -> Arrays:
+        """Everything that a later `restore` needs to go on bit for bit."""
+        ...
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        ...
+
+    def counts(self) -> dict[str, float]:
+        """Attributes for the result file: steps, rejected steps, mass, ..."""
+        ...
+
+    def coordinates(self) -> dict[str, NDArray[np.float64]]:
+        """The coordinates of the snapshot's axes that are not plain counts."""
+        ...

@@ -1,0 +1,159 @@
+"""The microscopic model `eq:micro`: N interacting particles, many realisations.
+
+    dr = v dt        dv = [gamma (u - v) - 1/(m N) sum_j grad_r U - grad V1 - (A^2/2) v] dt + A dW
+    dtheta = omega dt
+    domega = [gamma_bar (g - omega) - 1/(I_c N) sum_j dU/dtheta - dV2/dtheta - (B^2/2) omega] dt
+             + B dW
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.particles import SCHEMES
+from ellipsoid_coupling.schemes.particles.state import (
+    CLOCK_COLUMNS,
+    OUTSIDE,
+    REJECTED,
+    STATUS,
+    STEPS,
+    TIME,
+    ParticleState,
+)
+from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
+
+Floats = NDArray[np.float64]
+
+# Without noise a call of `advance` may take any number of steps; this many show progress often
+# enough and cost nothing.
+_STEPS_PER_CALL = 16
+
+
+def start_state(setup: Setup) -> ParticleState:
+    """All realisations at rest, evenly random in the start box, at the start angle."""
+    scene, realisations = setup.scene, setup.realisations
+    number = scene.particles.number
+    shape = (realisations, 3 if setup.terms.angle else 2, number)
+    place = np.empty(shape)
+    place[:, 2:] = scene.start.angle
+    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
+    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
+    for k in range(realisations):
+        place[k, :2] = low + (high - low) * start_positions(setup.seed, k, number)
+    clock = np.zeros((realisations, CLOCK_COLUMNS))
+    return ParticleState(place, np.zeros(shape), np.zeros(shape), clock, None)
+
+
+class Microscopic:
+    """`Model` of the microscopic system."""
+
+    names: ClassVar[tuple[str, ...]] = ("microscopic",)
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        self.name = name
+        self._setup = setup
+        self._stepper = SCHEMES[setup.scheme]
+        self._drift = scene_drift(setup)
+        self._rates = scene_rates(setup)
+        self._limits = scene_limits(setup)
+        self._state = start_state(setup)
+        self._blocks = np.zeros(setup.realisations, np.int64)
+
+    @property
+    def time(self) -> float:
+        """The time that the slowest realisation has reached."""
+        return float(self._state.clock[:, TIME].min())
+
+    def advance(self, until: float) -> None:
+        """At most sixteen steps of every realisation."""
+        state = self._state._replace(noise=self._draw_noise(until))
+        self._stepper.advance(
+            state, self._drift, self._rates, self._limits, until, _STEPS_PER_CALL
+        )
+        self._check()
+
+    def _draw_noise(self, until: float) -> Floats | None:
+        """The next block of noise of every realisation that is not there yet; None without noise."""
+        rates = self._rates
+        components = (rates.last_noisy - rates.first_noisy) * self._stepper.NOISE_PER_STEP
+        if components == 0:
+            return None
+        realisations, _, number = self._state.place.shape
+        noise = np.zeros((realisations, STEPS_PER_BLOCK, components, number))
+        for k in np.flatnonzero(self._state.clock[:, TIME] < until):
+            block = int(self._blocks[k])
+            noise[k] = gaussian_block(self._setup.seed, int(k), block, components, number)
+            self._blocks[k] += 1
+        return noise
+
+    def _check(self) -> None:
+        clock = self._state.clock
+        status = clock[:, STATUS].copy()
+        if self._setup.terms.reflection and self._setup.terms.flow:
+            status[(status == RUNNING) & (clock[:, OUTSIDE] > 0)] = LEFT_FLOW
+        if not status.any():
+            return
+        worst = int(np.flatnonzero(status)[0])
+        what, remedy = MEANING[int(status[worst])]
+        raise RunError(
+            f"{self._setup.scene.name}, {self.name}, realisation {worst}, "
+            f"t = {clock[worst, TIME]:.6g}: {what}. {remedy}"
+        )
+
+    def snapshot(self) -> Arrays:
+        """x, y, angle, velocity_x, velocity_y, angular_velocity, each (R, N)."""
+        place, velocity = self._state.place, self._state.velocity
+        turns = place.shape[1] == 3
+        still = np.full(place[:, 0].shape, self._setup.scene.start.angle)
+        return {
+            "x": place[:, 0].copy(),
+            "y": place[:, 1].copy(),
+            "angle": place[:, 2].copy() if turns else still,
+            "velocity_x": velocity[:, 0].copy(),
+            "velocity_y": velocity[:, 1].copy(),
+            "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
+        }
+
+    def state(self) -> Arrays:
+        """Positions, velocities, drift, clocks and the number of noise blocks used."""
+        fields = self._state
+        return {
+            "place": fields.place,
+            "velocity": fields.velocity,
+            "force": fields.force,
+            "clock": fields.clock,
+            "blocks": self._blocks,
+        }
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        current = self.state()
+        for name, array in state.items():
+            current[name][...] = array
+
+    def counts(self) -> dict[str, float]:
+        """Steps of the realisation that took most, and of all together those repeated."""
+        clock = self._state.clock
+        return {
+            "steps": float(clock[:, STEPS].max()),
+            "rejected_steps": float(clock[:, REJECTED].sum()),
+            "particles_outside_flow": float(clock[:, OUTSIDE].sum()),
+            "mass_start": 1.0,
+            "mass_end": 1.0,
+            "mass_left": 0.0,
+        }
+
+    def coordinates(self) -> dict[str, Floats]:
+        """Realisations and particles are plain counts."""
+        return {}
+
+
+MODEL = Microscopic

@@ -1,0 +1,1 @@
+"""The formulas of the model as scalar kernels, each with its equation; nothing numerical here."""

@@ -1,0 +1,22 @@
+"""The outer potentials: V1(r) = stiffness |r|^2 / 2 and V2(theta) = amplitude sin(theta).
+
+A new one is added here, as a kernel beside these, and named in the scene's `[outer_potential]`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ellipsoid_coupling.kernels import inline_kernel
+
+
+@inline_kernel
+def harmonic_force(x: float, y: float, stiffness: float) -> tuple[float, float]:
+    """-grad V1 of V1(r) = stiffness |r|^2 / 2."""
+    return -stiffness * x, -stiffness * y
+
+
+@inline_kernel
+def sine_torque(angle: float, amplitude: float) -> float:
+    """-dV2/dtheta of V2(theta) = amplitude sin(theta)."""
+    return -amplitude * math.cos(angle)

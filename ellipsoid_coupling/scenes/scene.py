@@ -1,0 +1,191 @@
+"""A scene: everything that fixes the physics, and the default resolution, of one simulation.
+
+A part that a scene does not have is None, never a zero: no `[flow]` section, no drag. Lengths,
+times and masses are in the units of the scene (the paper's scenes are dimensionless); angles are in
+radian.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+Interval = Annotated[tuple[float, float], Strict(False)]
+Sides = Annotated[tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False)]
+
+
+def _require_interval(name: str, interval: Interval) -> None:
+    if not interval[0] < interval[1]:
+        raise ValueError(f"{name} must be [low, high] with low < high")
+
+
+class Part(BaseModel):
+    """Common rules: unknown keys, wrong types, NaN and infinity are errors; nothing changes later."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Domain(Part):
+    """The rectangle of the grids and histograms, and what happens at its edge.
+
+    `boundary` is "reflecting" (particles and the hyperbolic part bounce) or "open" (Neumann: what
+    reaches the edge leaves).
+    """
+
+    x: Interval
+    y: Interval
+    boundary: Literal["open", "reflecting"]
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _require_interval("x", self.x)
+        _require_interval("y", self.y)
+        return self
+
+    @property
+    def width(self) -> float:
+        """Extent in x."""
+        return self.x[1] - self.x[0]
+
+    @property
+    def height(self) -> float:
+        """Extent in y."""
+        return self.y[1] - self.y[0]
+
+
+class Particles(Part):
+    """The particles: length L and width D of the ellipse, mass m, moment of inertia I_c, number N."""
+
+    length: Positive
+    width: Positive
+    mass: Positive = 1.0
+    inertia: Positive = 1.0
+    number: Count
+    realisations: Count = 1
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.width > self.length:
+            raise ValueError(f"width {self.width} must not exceed length {self.length}")
+        return self
+
+    @property
+    def is_circle(self) -> bool:
+        """Circles have no main axis: no torque between them and no strain in Jeffery's term."""
+        return self.length == self.width
+
+
+class Start(Part):
+    """The start box Omega_0, filled evenly, and the start angle; all particles start at rest."""
+
+    x: Interval
+    y: Interval
+    angle: float = 0.0
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _require_interval("x", self.x)
+        _require_interval("y", self.y)
+        return self
+
+
+class Flow(Part):
+    """The fluid: where its velocity comes from, and the relaxation rates gamma and gamma_bar.
+
+    `source` "openfoam" names a case of foam_cases/ (solved with `cells` cells a side),
+    "closed_form" a field of flow/analytic.py.
+    """
+
+    source: Literal["openfoam", "closed_form"]
+    field: str
+    cells: Count = 100
+    drag: NotNegative
+    angular_drag: NotNegative
+
+
+class InteractionPart(Part):
+    """The pair potential's strength eps0; its shape follows from the particles' size."""
+
+    strength: Positive
+
+
+class WallsPart(Part):
+    """Ghost particles and ghost cells at the walls: which sides, how much stronger, how dense."""
+
+    sides: Sides = ("left", "right", "bottom", "top")
+    strength_factor: Positive = 10.0
+    ghost_density: Literal["matched", "paper"] = "matched"
+
+
+class OuterPotential(Part):
+    """V1(r) = stiffness |r|^2 / 2."""
+
+    stiffness: Positive
+
+
+class AngularPotential(Part):
+    """V2(theta) = amplitude sin(theta)."""
+
+    amplitude: Positive
+
+
+class Noise(Part):
+    """A and B: random kicks A dW with damping A^2/2, B likewise for the angular velocity."""
+
+    noise: NotNegative
+    angular_noise: NotNegative
+
+
+class Numerics(Part):
+    """The default resolution; each model and scheme takes what it needs.
+
+    `cell` is h of the grids, `angle_cells` the number of cells in [0, 2 pi); `time_step` is the
+    particles' step in the scheme `paper`, `tolerance` the error that the scheme `accurate` allows a
+    particle step (in particle lengths and radian); `cfl` is the CFL number of the grids;
+    `interaction` chooses how a grid's interaction integral is summed and `harmonics_tolerance` how
+    exactly (relative to the largest possible force).
+    """
+
+    cell: Positive
+    angle_cells: Count = 60
+    time_step: Positive = 0.01
+    tolerance: Positive = 1e-4
+    cfl: Annotated[float, Field(gt=0, le=1)] = 0.9
+    interaction: Literal["auto", "direct", "harmonics"] = "auto"
+    harmonics_tolerance: Positive = 5e-3
+
+
+class Scene(Part):
+    """One simulation's physics. Built by `load_scene`; see the class of each part for its keys."""
+
+    name: str
+    title: str = ""
+    times: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
+    domain: Domain
+    particles: Particles
+    start: Start
+    numerics: Numerics
+    flow: Flow | None = None
+    interaction: InteractionPart | None = None
+    walls: WallsPart | None = None
+    outer_potential: OuterPotential | None = None
+    angular_potential: AngularPotential | None = None
+    noise: Noise | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError("times must increase")
+        if self.walls is not None and self.domain.boundary != "reflecting":
+            raise ValueError('walls need domain.boundary = "reflecting"')
+        if self.walls is not None and self.interaction is None:
+            raise ValueError("walls act through the interaction potential: add [interaction]")
+        for axis in ("x", "y"):
+            box, domain = getattr(self.start, axis), getattr(self.domain, axis)
+            if box[0] < domain[0] or box[1] > domain[1]:
+                raise ValueError(f"start.{axis} {box} lies outside domain.{axis} {domain}")
+        return self

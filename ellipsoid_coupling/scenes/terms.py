@@ -1,0 +1,141 @@
+"""Which terms a scene has: what is False here is neither computed, nor allocated, nor compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ellipsoid_coupling.scenes.scene import Scene
+
+# Models whose unknown is a density without random motion: noise enters them as damping only.
+_CLOSED_MODELS = ("q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic", "diffusive")
+
+
+class Terms(NamedTuple):
+    """The terms of the equations that a scene switches on."""
+
+    flow: bool
+    interaction: bool
+    torque: bool
+    walls: bool
+    reflection: bool
+    outer_potential: bool
+    angular_potential: bool
+    noise: bool
+    angular_noise: bool
+    angle: bool
+
+
+class Term(NamedTuple):
+    """One line of ``ellipsoid plan``: the term, whether it runs, and why."""
+
+    name: str
+    runs: bool
+    why: str
+
+
+def terms_of(scene: Scene, model: str = "microscopic") -> Terms:
+    """The terms that `model` needs in `scene`."""
+    return Terms(**{term.name: term.runs for term in explain_terms(scene, model)})
+
+
+def explain_terms(scene: Scene, model: str = "microscopic") -> list[Term]:
+    """Every term with its verdict and the reason, in the order of the equations."""
+    return [
+        *_fluid_and_pairs(scene),
+        *_surroundings(scene),
+        *_noise_terms(scene, model),
+        _angle_term(scene),
+    ]
+
+
+def _fluid_and_pairs(scene: Scene) -> list[Term]:
+    flow = scene.flow
+    torque = scene.interaction is not None and not scene.particles.is_circle
+    why_torque = (
+        "ellipses turn one another"
+        if torque
+        else "no [interaction]"
+        if scene.interaction is None
+        else "circles (length = width) carry no torque"
+    )
+    return [
+        Term(
+            "flow",
+            flow is not None,
+            f"{flow.field} ({flow.source}), drag {flow.drag:g}, angular drag {flow.angular_drag:g}"
+            if flow
+            else "no [flow]: no fluid, no drag",
+        ),
+        Term(
+            "interaction",
+            scene.interaction is not None,
+            f"strength {scene.interaction.strength:g}, scaled with 1/N"
+            if scene.interaction
+            else "no [interaction]: no neighbour list, no kernel spectra",
+        ),
+        Term("torque", torque, why_torque),
+    ]
+
+
+def _surroundings(scene: Scene) -> list[Term]:
+    walls, outer, turning = scene.walls, scene.outer_potential, scene.angular_potential
+    reflecting = scene.domain.boundary == "reflecting"
+    return [
+        Term(
+            "walls",
+            walls is not None,
+            f"ghosts on {', '.join(walls.sides)}, {walls.strength_factor:g} times stronger, "
+            f"ghost cells {walls.ghost_density}"
+            if walls
+            else "no [walls]: no ghosts",
+        ),
+        Term(
+            "reflection",
+            reflecting,
+            "domain.boundary is reflecting" if reflecting else "domain.boundary is open",
+        ),
+        Term(
+            "outer_potential",
+            outer is not None,
+            f"V1 = {outer.stiffness:g} r^2/2" if outer else "no [outer_potential]: V1 = 0",
+        ),
+        Term(
+            "angular_potential",
+            turning is not None,
+            f"V2 = {turning.amplitude:g} sin(theta)"
+            if turning
+            else "no [angular_potential]: V2 = 0",
+        ),
+    ]
+
+
+def _noise_terms(scene: Scene, model: str) -> list[Term]:
+    def term(name: str, amplitude: float, letter: str) -> Term:
+        if amplitude == 0.0:
+            return Term(name, False, f"{letter} = 0: no random number is drawn")
+        if model in _CLOSED_MODELS:
+            why = f"{letter} = {amplitude:g} enters this closure as damping {letter}^2/2 only"
+            return Term(name, False, why)
+        return Term(name, True, f"{letter} = {amplitude:g}, with damping {letter}^2/2")
+
+    noise = scene.noise
+    return [
+        term("noise", noise.noise if noise else 0.0, "A"),
+        term("angular_noise", noise.angular_noise if noise else 0.0, "B"),
+    ]
+
+
+def _angle_term(scene: Scene) -> Term:
+    turned_by = [
+        name
+        for name, acts in (
+            ("the fluid", scene.flow is not None and scene.flow.angular_drag > 0),
+            ("interaction", scene.interaction is not None and not scene.particles.is_circle),
+            ("V2", scene.angular_potential is not None),
+            ("noise", scene.noise is not None and scene.noise.angular_noise > 0),
+        )
+        if acts
+    ]
+    if turned_by:
+        return Term("angle", True, f"turned by {', '.join(turned_by)}")
+    return Term("angle", False, "nothing turns the particles: the start angle stays")

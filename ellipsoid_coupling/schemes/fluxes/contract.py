@@ -1,0 +1,75 @@
+"""The contract of a numerical flux, seen from a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import KERNEL_OPTIONS
+
+Floats = NDArray[np.float64]
+
+# Component 0 of every system is the density; below this it counts as vacuum (and is set to 0).
+DENSITY = 0
+VACUUM = 1e-30
+
+
+class Span(NamedTuple):
+    """A run of neighbouring cells in the flat fields, and the direction that is swept.
+
+    Cells ``start .. start + width - 1``; the neighbours of cell p in the swept direction are
+    ``p - stride`` and ``p + stride``; `normal` is the component that holds the momentum along it.
+    """
+
+    start: int
+    width: int
+    stride: int
+    normal: int
+
+
+def outflow(
+    flux: tuple[float, ...],
+    fields: Floats,
+    span: Span,
+    ratio: float,
+    up: Floats,
+    down: Floats,
+    work: Floats,
+) -> None:
+    """What leaves each cell of a span during one step, in units of the cell's content.
+
+    Every flux overloads this for its own type. A sweep then updates cell p to
+    ``U[p] - up[p] - down[p] + up[p - stride] + down[p + stride]``, which conserves by construction.
+
+    Parameters
+    ----------
+    flux : NamedTuple
+        Chooses the flux and holds its parameters.
+    fields : (K, cells) float64
+        Conserved fields, flat; component 0 is the density.
+    span : Span
+    ratio : float
+        dt / h.
+    up, down : (K, width or more)
+        Overwritten: through the upper face into p + stride, through the lower into p - stride. A
+        flux given at faces puts all of it into `up`.
+    work : (6, width or more)
+        Scratch rows.
+    """
+    raise TypeError(f"{type(flux).__name__} has no overload of outflow")
+
+
+def register_flux(flux_type: type[Any], implementation: Callable[..., None]) -> None:
+    """Make `implementation` what compiled sweeps call for a flux of this type."""
+
+    def choose(
+        flux: Any, fields: Any, span: Any, ratio: Any, up: Any, down: Any, work: Any
+    ) -> Callable[..., None] | None:
+        del fields, span, ratio, up, down, work
+        return implementation if getattr(flux, "instance_class", None) is flux_type else None
+
+    overload(outflow, strict=False, jit_options=KERNEL_OPTIONS)(choose)

@@ -1,0 +1,106 @@
+"""Uniform cell-centred grids with ghost layers.
+
+    padded array (ny + 4, nx + 4), axis order (y, x); two ghost layers g on each side
+
+        g g g g g g g g        cell (j, i) of the interior sits at [j + 2, i + 2]
+        g g g g g g g g        and is centred on (x_low + (i + 1/2) h, y_low + (j + 1/2) h)
+        g g . . . . g g
+        g g . . . . g g        sweeps march through the flat array with stride 1 (x) or
+        g g g g g g g g        nx + 4 (y), so that one kernel serves every direction
+        g g g g g g g g
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.scenes import Scene
+
+Floats = NDArray[np.float64]
+
+GHOSTS = 2
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A uniform grid of square cells of width `cell` over a rectangle."""
+
+    x_low: float
+    y_low: float
+    cell: float
+    nx: int
+    ny: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Interior cells, (ny, nx)."""
+        return self.ny, self.nx
+
+    @property
+    def padded(self) -> tuple[int, int]:
+        """Cells with ghosts, (ny + 4, nx + 4)."""
+        return self.ny + 2 * GHOSTS, self.nx + 2 * GHOSTS
+
+    @property
+    def x(self) -> Floats:
+        """Cell centres in x, (nx,)."""
+        return self.x_low + self.cell * (np.arange(self.nx) + 0.5)
+
+    @property
+    def y(self) -> Floats:
+        """Cell centres in y, (ny,)."""
+        return self.y_low + self.cell * (np.arange(self.ny) + 0.5)
+
+    @property
+    def x_edges(self) -> Floats:
+        """Cell edges in x, (nx + 1,)."""
+        return self.x_low + self.cell * np.arange(self.nx + 1)
+
+    @property
+    def y_edges(self) -> Floats:
+        """Cell edges in y, (ny + 1,)."""
+        return self.y_low + self.cell * np.arange(self.ny + 1)
+
+
+def scene_grid(scene: Scene) -> Grid:
+    """The grid of cell width ``scene.numerics.cell`` over the scene's domain.
+
+    Raises
+    ------
+    InputError
+        If the domain is not a whole number of cells, at least four, in each direction.
+    """
+    domain, cell = scene.domain, scene.numerics.cell
+    counts = (domain.width / cell, domain.height / cell)
+    for count in counts:
+        if abs(count - round(count)) > 1e-6 * count or round(count) < 4:
+            raise InputError(
+                f"scene {scene.name}, key numerics.cell",
+                "a width that divides the domain into at least 4 cells",
+                f"{cell} ({counts[0]:g} x {counts[1]:g} cells)",
+                "Choose domain width / whole number.",
+            )
+    return Grid(domain.x[0], domain.y[0], cell, round(counts[0]), round(counts[1]))
+
+
+def interior(padded: Floats) -> Floats:
+    """The view of the last two axes without ghosts."""
+    return padded[..., GHOSTS:-GHOSTS, GHOSTS:-GHOSTS]
+
+
+def overlap(edges: Floats, box: tuple[float, float]) -> Floats:
+    """The part of each cell, (n,) between 0 and 1, that an interval covers."""
+    covered = np.minimum(edges[1:], box[1]) - np.maximum(edges[:-1], box[0])
+    return np.asarray(np.clip(covered / np.diff(edges), 0.0, 1.0))
+
+
+def start_density(grid: Grid, scene: Scene) -> Floats:
+    """The start box filled evenly with mass 1, (ny, nx); cells cut by its rim hold their part."""
+    part = np.outer(
+        overlap(grid.y_edges, scene.start.y), overlap(grid.x_edges, scene.start.x)
+    )
+    return np.asarray(part / (part.sum() * grid.cell**2))

@@ -1,0 +1,35 @@
+"""Gaussian noise: one counter-based stream per realisation, the same for any number of threads.
+
+Realisation k of seed s owns the Philox key spawned from s for k; block b of its noise starts at
+counter (0, 0, 0, b). A block is therefore reached without drawing the ones before it, which is what
+makes a resumed run repeat the bits of one that was never stopped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Steps of noise that are drawn in one go.
+STEPS_PER_BLOCK = 16
+
+_START, _STEPS = range(2)
+
+
+def _generator(seed: int, realisation: int, purpose: int, block: int) -> np.random.Generator:
+    sequence = np.random.SeedSequence(seed, spawn_key=(realisation, purpose))
+    key = sequence.generate_state(2, np.uint64)
+    return np.random.Generator(np.random.Philox(key=key, counter=[0, 0, 0, block]))
+
+
+def start_positions(seed: int, realisation: int, number: int) -> NDArray[np.float64]:
+    """Uniform numbers (2, number) in [0, 1) for the start of one realisation."""
+    return _generator(seed, realisation, _START, 0).random((2, number))
+
+
+def gaussian_block(
+    seed: int, realisation: int, block: int, components: int, number: int
+) -> NDArray[np.float64]:
+    """Standard normal numbers (STEPS_PER_BLOCK, components, number) of one block of steps."""
+    generator = _generator(seed, realisation, _STEPS, block)
+    return generator.standard_normal((STEPS_PER_BLOCK, components, number))

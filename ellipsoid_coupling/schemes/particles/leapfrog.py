@@ -1,0 +1,108 @@
+"""Scheme `paper`: first-order leapfrog with Euler-Maruyama noise.
+
+    v_{n+1} = v_n + dt (F(r_n, theta_n) - Gamma v_n) + A sqrt(dt) xi
+    r_{n+1} = r_n + dt v_{n+1}
+
+and the same for theta and omega. Explicit in the damping, so stable only for dt Gamma < 2; the
+velocity's equilibrium variance is 1/(1 - dt Gamma/2) of the exact one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.reflection import reflect
+from ellipsoid_coupling.kernels import for_each, kernel
+from ellipsoid_coupling.schemes.particles.state import (
+    OUTSIDE,
+    STATUS,
+    STEPS,
+    TIME,
+    Limits,
+    ParticleState,
+    Rates,
+    all_finite,
+    equal_steps,
+    noise_rows,
+)
+from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
+
+Floats = NDArray[np.float64]
+
+ORDER = 1
+NOISE_PER_STEP = 1
+
+
+@kernel
+def _kick(velocity: Floats, force: Floats, rates: Rates, dt: float) -> None:
+    for d in range(velocity.shape[0]):
+        for i in range(velocity.shape[1]):
+            velocity[d, i] += dt * (force[d, i] - rates.damping[d] * velocity[d, i])
+
+
+@kernel
+def _add_noise(velocity: Floats, noise: Floats | None, rates: Rates, dt: float) -> None:
+    if noise is not None:
+        for d in range(rates.first_noisy, rates.last_noisy):
+            size = rates.amplitude[d] * math.sqrt(dt)
+            for i in range(velocity.shape[1]):
+                velocity[d, i] += size * noise[d - rates.first_noisy, i]
+
+
+@kernel
+def _drift(place: Floats, velocity: Floats, dt: float) -> None:
+    for d in range(place.shape[0]):
+        for i in range(place.shape[1]):
+            place[d, i] += dt * velocity[d, i]
+
+
+@kernel
+def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
+    if box is not None:
+        for d in range(2):
+            for i in range(place.shape[1]):
+                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
+                velocity[d, i] *= sign
+
+
+@kernel
+def _step(
+    state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
+) -> None:
+    place, velocity, force, clock = state.place[k], state.velocity[k], state.force[k], state.clock[k]
+    clock[OUTSIDE] = particle_forces(drift, place, force)
+    _kick(velocity, force, rates, dt)
+    _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
+    _drift(place, velocity, dt)
+    _bounce(limits.box, place, velocity)
+    clock[STEPS] += 1
+    if not all_finite(place):
+        clock[STATUS] = NOT_FINITE
+
+
+@kernel
+def _advance_one(
+    state: ParticleState, k: int, drift: Drift, rates: Rates, limits: Limits, until: float, steps: int
+) -> None:
+    clock = state.clock[k]
+    for step in range(steps):
+        remaining = until - clock[TIME]
+        if remaining <= 0.0 or clock[STATUS] != RUNNING:
+            return
+        dt = equal_steps(remaining, limits.step)
+        _step(state, k, step, drift, rates, limits, dt)
+        clock[TIME] = until if dt == remaining else clock[TIME] + dt
+
+
+def advance(
+    state: ParticleState, drift: Drift, rates: Rates, limits: Limits, until: float, steps: int
+) -> None:
+    """Move every realisation by at most `steps` steps, in place and never beyond `until`."""
+    for_each(
+        state.place.shape[0],
+        lambda k: _advance_one(state, k, drift, rates, limits, until, steps),
+    )

@@ -1,0 +1,107 @@
+"""The arrays that particle steppers work on; they belong to the model that made them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import kernel
+
+Floats = NDArray[np.float64]
+
+# Degrees of freedom, the second axis of the state; ANGLE is there only if something turns.
+X, Y, ANGLE = range(3)
+
+# Columns of `ParticleState.clock`.
+TIME, NEXT_STEP, STEPS, REJECTED, OUTSIDE, STATUS = range(6)
+CLOCK_COLUMNS = 6
+
+# A step below this part of `until` cannot be meant.
+SMALLEST_STEP = 1e-12
+
+
+class ParticleState(NamedTuple):
+    """All realisations (R) of all degrees of freedom (D = 3, or 2 where nothing turns).
+
+    Attributes
+    ----------
+    place, velocity : (R, D, N) float64
+        Positions and angle; velocities and angular velocity.
+    force : (R, D, N)
+        The drift at `place` without its linear part, per mass and per inertia.
+    clock : (R, 6)
+        Each realisation's time, next step size, counts of steps and of rejected steps, the number
+        of particles outside the flow, and its status.
+    noise : (R, steps, components, N) or None
+        Standard normal numbers; None without noise.
+    """
+
+    place: Floats
+    velocity: Floats
+    force: Floats
+    clock: Floats
+    noise: Floats | None
+
+
+class Rates(NamedTuple):
+    """The linear part of each degree of freedom: v' = -damping v + ... + amplitude dW/dt.
+
+    Attributes
+    ----------
+    damping, amplitude : (D,) float64
+        gamma + A^2/2 and A; gamma_bar + B^2/2 and B for the angle.
+    first_noisy, last_noisy : int
+        The noisy degrees of freedom are first_noisy .. last_noisy - 1.
+    """
+
+    damping: Floats
+    amplitude: Floats
+    first_noisy: int
+    last_noisy: int
+
+
+class Limits(NamedTuple):
+    """What bounds a step, and the box that reflects.
+
+    Attributes
+    ----------
+    step : float
+        The fixed step (leapfrog) or the first one (exponential).
+    tolerance : float
+        Error allowed a step, in units of `scale`.
+    scale : (D,) float64
+        The particle's length L for positions, 1 radian for the angle.
+    box : (2, 2) float64 or None
+        [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
+    """
+
+    step: float
+    tolerance: float
+    scale: Floats
+    box: Floats | None
+
+
+@kernel
+def equal_steps(remaining: float, largest: float) -> float:
+    """The step that reaches the end in the fewest equal steps, none above `largest`."""
+    return remaining / np.ceil(remaining / largest * (1.0 - 1e-12))
+
+
+@kernel
+def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
+    """The normal numbers (components, N) of one step of realisation k."""
+    if noise is None:
+        return None
+    return noise[k, step]
+
+
+@kernel
+def all_finite(place: Floats) -> bool:
+    """Whether a (D, N) array holds neither NaN nor infinity."""
+    total = 0.0
+    for d in range(place.shape[0]):
+        for i in range(place.shape[1]):
+            total += 0.0 * place[d, i]
+    return total == 0.0

@@ -1,0 +1,221 @@
+"""Sources of `eq:macro_rho_mono` cell by cell: drift, damping, and the turning of the mean angle.
+
+Conserved fields (K, ny + 4, nx + 4): rho, rho v_x, rho v_y and, where something turns, rho phi and
+rho omega. In a cell the particles share v, phi and omega, so the sources are those of one particle:
+
+    v' = F - Gamma v          phi' = omega          omega' = F_bar - Gamma_bar omega
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.external import sine_torque
+from ellipsoid_coupling.schemes.grid import GHOSTS
+
+Floats = NDArray[np.float64]
+
+RHO, MOMENTUM_X, MOMENTUM_Y, ANGLE, SPIN = range(5)
+
+# Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
+_NEWTON_STEPS = 4
+
+
+class CellTerms(NamedTuple):
+    """What drives a cell, made once; None where the scene does not have it.
+
+    Attributes
+    ----------
+    steady : (2, ny, nx) float64 or None
+        gamma u - grad V1.
+    turning : (3, ny, nx) or None
+        gamma_bar times the three coefficients of Jeffery's term g = a + b sin 2 phi + c cos 2 phi.
+    amplitude : float or None
+        Of V2.
+    damping, angular_damping : float
+        gamma + A^2/2, gamma_bar + B^2/2.
+    inverse_mass, inverse_inertia : float
+    """
+
+    steady: Floats | None
+    turning: Floats | None
+    amplitude: float | None
+    damping: float
+    angular_damping: float
+    inverse_mass: float
+    inverse_inertia: float
+
+
+@kernel
+def _angular_rate(
+    turning: Floats | None, amplitude: float | None, j: int, i: int, angle: float
+) -> tuple[float, float]:
+    """gamma_bar g - dV2/dtheta and its derivative with respect to the angle."""
+    rate, slope = 0.0, 0.0
+    if turning is not None:
+        s2, c2 = math.sin(2.0 * angle), math.cos(2.0 * angle)
+        rate += turning[0, j, i] + turning[1, j, i] * s2 + turning[2, j, i] * c2
+        slope += 2.0 * (turning[1, j, i] * c2 - turning[2, j, i] * s2)
+    if amplitude is not None:
+        rate += sine_torque(angle, amplitude)
+        slope += amplitude * math.sin(angle)
+    return rate, slope
+
+
+@kernel
+def _steady(steady: Floats | None, d: int, j: int, i: int) -> float:
+    if steady is None:
+        return 0.0
+    return steady[d, j, i]
+
+
+@kernel
+def _interaction(forces: Forces | None, j: int, i: int) -> tuple[float, float]:
+    if forces is None:
+        return 0.0, 0.0
+    return forces.x[j, i], forces.y[j, i]
+
+
+@kernel
+def _torque_at(torque: Floats | None, j: int, i: int) -> float:
+    if torque is None:
+        return 0.0
+    return torque[j, i]
+
+
+@kernel
+def _interaction_torque(forces: Forces | None, j: int, i: int) -> float:
+    if forces is None:
+        return 0.0
+    return _torque_at(forces.torque, j, i)
+
+
+@parallel_kernel
+def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats) -> None:
+    """Write F_x, F_y and F_bar of every cell that is not vacuum.
+
+    Parameters
+    ----------
+    fields : (5 or 3, ny + 4, nx + 4) float64
+    terms : CellTerms
+    forces : Forces or None
+        Interaction and walls, not yet divided by mass and inertia; None without interaction.
+    drift : (3 or 2, ny, nx)
+        Overwritten.
+    """
+    turns = fields.shape[0] == 5
+    for j in numba.prange(drift.shape[1]):
+        for i in range(drift.shape[2]):
+            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
+            if rho <= 0.0:
+                drift[:, j, i] = 0.0
+                continue
+            fx, fy = _interaction(forces, j, i)
+            drift[0, j, i] = _steady(terms.steady, 0, j, i) + fx * terms.inverse_mass
+            drift[1, j, i] = _steady(terms.steady, 1, j, i) + fy * terms.inverse_mass
+            if turns:
+                angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
+                rate, _ = _angular_rate(terms.turning, terms.amplitude, j, i, angle)
+                torque = _interaction_torque(forces, j, i)
+                drift[2, j, i] = rate + torque * terms.inverse_inertia
+
+
+@parallel_kernel
+def kick_exactly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> None:
+    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place."""
+    decay, spin_decay = math.exp(-terms.damping * dt), math.exp(-terms.angular_damping * dt)
+    gain = dt if terms.damping == 0.0 else -math.expm1(-terms.damping * dt) / terms.damping
+    spin_gain = (
+        dt
+        if terms.angular_damping == 0.0
+        else -math.expm1(-terms.angular_damping * dt) / terms.angular_damping
+    )
+    for j in numba.prange(drift.shape[1]):
+        for i in range(drift.shape[2]):
+            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
+            for d in range(2):
+                k = MOMENTUM_X + d
+                old = fields[k, j + GHOSTS, i + GHOSTS]
+                fields[k, j + GHOSTS, i + GHOSTS] = decay * old + gain * rho * drift[d, j, i]
+            if fields.shape[0] == 5:
+                old = fields[SPIN, j + GHOSTS, i + GHOSTS]
+                new = spin_decay * old + spin_gain * rho * drift[2, j, i]
+                fields[SPIN, j + GHOSTS, i + GHOSTS] = new
+
+
+@parallel_kernel
+def turn(fields: Floats, dt: float) -> None:
+    """phi += dt omega in every cell, in place; nothing where nothing turns."""
+    if fields.shape[0] == 5:
+        for j in numba.prange(fields.shape[1]):
+            for i in range(fields.shape[2]):
+                fields[ANGLE, j, i] += dt * fields[SPIN, j, i]
+
+
+@parallel_kernel
+def step_implicitly(
+    fields: Floats, drift: Floats, terms: CellTerms, dt: float
+) -> None:
+    """One implicit Euler step of all sources, in place; the paper's treatment.
+
+        v1 = (v + dt F)/(1 + dt Gamma)
+        phi1 = phi + dt omega1,  omega1 = (omega + dt F_bar(phi1))/(1 + dt Gamma_bar)
+
+    The torque of the interaction is that of the old angle, fluid and V2 are taken at the new one by
+    Newton's iteration.
+    """
+    for j in numba.prange(drift.shape[1]):
+        for i in range(drift.shape[2]):
+            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
+            if rho <= 0.0:
+                continue
+            for d in range(2):
+                k = MOMENTUM_X + d
+                pushed = fields[k, j + GHOSTS, i + GHOSTS] + dt * rho * drift[d, j, i]
+                fields[k, j + GHOSTS, i + GHOSTS] = pushed / (1.0 + dt * terms.damping)
+            if fields.shape[0] == 5:
+                angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
+                spin = fields[SPIN, j + GHOSTS, i + GHOSTS] / rho
+                new = _implicit_spin(angle, spin, drift[2, j, i], terms, (j, i), dt)
+                fields[SPIN, j + GHOSTS, i + GHOSTS] = rho * new
+                fields[ANGLE, j + GHOSTS, i + GHOSTS] += dt * rho * new
+
+
+@kernel
+def _implicit_spin(
+    angle: float, spin: float, drift: float, terms: CellTerms, cell: tuple[int, int], dt: float
+) -> float:
+    """omega1 of one cell."""
+    j, i = cell
+    old_rate, _ = _angular_rate(terms.turning, terms.amplitude, j, i, angle)
+    inertia = 1.0 + dt * terms.angular_damping
+    new = (spin + dt * drift) / inertia
+    for _ in range(_NEWTON_STEPS):
+        rate, slope = _angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
+        miss = inertia * new - spin - dt * (drift - old_rate + rate)
+        new -= miss / (inertia - dt * dt * slope)
+    return new
+
+
+@parallel_kernel
+def largest_rates(fields: Floats) -> tuple[float, float]:
+    """The largest |v_x| or |v_y| and the largest |omega| of all cells that are not vacuum."""
+    speeds = np.zeros((fields.shape[1], 2))
+    for j in numba.prange(GHOSTS, fields.shape[1] - GHOSTS):
+        for i in range(GHOSTS, fields.shape[2] - GHOSTS):
+            rho = fields[RHO, j, i]
+            if rho > 0.0:
+                largest = max(abs(fields[MOMENTUM_X, j, i]), abs(fields[MOMENTUM_Y, j, i]))
+                speeds[j, 0] = max(speeds[j, 0], largest / rho)
+                if fields.shape[0] == 5:
+                    speeds[j, 1] = max(speeds[j, 1], abs(fields[SPIN, j, i]) / rho)
+                if not math.isfinite(largest):
+                    speeds[j, 0] = np.inf
+    return speeds[:, 0].max(), speeds[:, 1].max()

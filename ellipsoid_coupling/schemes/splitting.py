@@ -1,0 +1,126 @@
+"""How transport and sources of a cell equation follow one another within a step.
+
+A splitting is one step of an equation on an r-grid, which offers its fields and three operations
+(`SplitEquation`). It declares its order and its flux, and refuses a step whose CFL number turns out
+too large, so that the caller can repeat it with a smaller one.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.sources import (
+    CellTerms,
+    kick_exactly,
+    largest_rates,
+    step_implicitly,
+    turn,
+)
+
+Floats = NDArray[np.float64]
+
+# A step that turns a cell by more than this (radian) does not resolve the torque.
+_LARGEST_TURN = 0.5
+
+
+class SplitEquation(Protocol):
+    """What a splitting steps."""
+
+    fields: Floats
+    drift: Floats
+    terms: CellTerms
+
+    def transport(self, flux: Ballistic | Force, axis: int, dt: float) -> None:
+        """Move all fields along one axis (-1: x, -2: y) for dt."""
+        ...
+
+    def evaluate_drift(self) -> None:
+        """Set `drift` from the present fields."""
+        ...
+
+    @property
+    def cell(self) -> float:
+        """The cell width h."""
+        ...
+
+
+class Splitting(Protocol):
+    """One way to step a `SplitEquation`."""
+
+    order: int
+
+    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+        """The step that the CFL number allows now."""
+        ...
+
+    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
+        """Step by dt in place; False (fields half-changed) if the CFL number exceeded 1."""
+        ...
+
+
+def _step_for(rate: float, acceleration: float, distance: float) -> float:
+    """The dt that solves dt (rate + acceleration dt) = distance; infinite where nothing moves."""
+    root = rate + np.sqrt(rate * rate + 4.0 * acceleration * distance)
+    return float(2.0 * distance / root) if root > 0.0 else np.inf
+
+
+def _cfl_step(equation: SplitEquation, cfl: float) -> float:
+    speed, _ = largest_rates(equation.fields)
+    force = float(np.abs(equation.drift[:2]).max())
+    return _step_for(speed, force, cfl * equation.cell)
+
+
+class GodunovSplitting:
+    """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the sources; first order."""
+
+    order = 1
+
+    def __init__(self, pressure: float) -> None:
+        self._flux = Force(pressure)
+
+    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+        """From the fastest cell."""
+        return _cfl_step(equation, cfl)
+
+    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
+        """Always accepted: transport uses the velocities that the step was chosen for."""
+        del count
+        for axis in (-1, -2):
+            equation.transport(self._flux, axis, dt)
+        equation.evaluate_drift()
+        step_implicitly(equation.fields, equation.drift, equation.terms, dt)
+        return True
+
+
+class KickDriftKick:
+    """Scheme `accurate`: exact kicks of half a step about a ballistic flight; second order."""
+
+    order = 2
+
+    def __init__(self) -> None:
+        self._flux = Ballistic()
+
+    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+        """From the fastest and the fastest turning cell."""
+        _, spin = largest_rates(equation.fields)
+        torque = float(np.abs(equation.drift[2:]).max(initial=0.0))
+        return min(_cfl_step(equation, cfl), _step_for(spin, torque, _LARGEST_TURN))
+
+    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
+        """Directions change order from step to step (`count`), so that neither is preferred."""
+        fields, terms = equation.fields, equation.terms
+        kick_exactly(fields, equation.drift, terms, 0.5 * dt)
+        speed, _ = largest_rates(fields)
+        if not speed * dt <= equation.cell:
+            return False
+        turn(fields, 0.5 * dt)
+        for axis in (-1, -2) if count % 2 == 0 else (-2, -1):
+            equation.transport(self._flux, axis, dt)
+        turn(fields, 0.5 * dt)
+        equation.evaluate_drift()
+        kick_exactly(fields, equation.drift, terms, 0.5 * dt)
+        return True

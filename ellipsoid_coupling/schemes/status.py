@@ -1,0 +1,20 @@
+"""What a compiled stepper reports instead of raising; `simulate` turns it into words."""
+
+from __future__ import annotations
+
+RUNNING, LEFT_FLOW, NOT_FINITE, STEP_TOO_SMALL = range(4)
+
+MEANING = {
+    LEFT_FLOW: (
+        "a particle left the region where the flow is known",
+        "Use a flow that covers the domain, or a smaller time step.",
+    ),
+    NOT_FINITE: (
+        "the solution is no longer finite",
+        "Use a smaller time step or CFL number, or the scheme `accurate`.",
+    ),
+    STEP_TOO_SMALL: (
+        "the step size fell below 1e-12 of the run's length",
+        "Relax the tolerance, or weaken what makes the scene stiff.",
+    ),
+}

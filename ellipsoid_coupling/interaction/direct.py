@@ -1,0 +1,169 @@
+"""The interaction integral on an r-grid as it stands: the sum over all cells within reach."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.grid_forces import (
+    Array,
+    Forces,
+    check_fields,
+    check_grid,
+    half_widths,
+)
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
+
+Indices = NDArray[np.int64]
+
+
+class _Setup(NamedTuple):
+    """Constants of the sum; `scale` is -eps0 h^2, `widths` the disc of `half_widths`."""
+
+    h: float
+    scale: float
+    shape: PotentialShape
+    widths: Indices
+
+
+class _Fields(NamedTuple):
+    """cos and sin of 2 phi and density, (ny, nx) each; `extents` (ny, 2) as of `row_extents`."""
+
+    c2: Array
+    s2: Array
+    density: Array
+    extents: Indices
+
+
+class DirectInteraction:
+    """The discretised integral of `GridInteraction` by the direct sum: exact to rounding.
+
+    Only pairs of cells between the first and the last occupied cell of their rows are visited;
+    force and torque are 0 in vacuum. The same bits come out for any number of threads: every cell
+    adds up its neighbours in the same order.
+
+    Parameters
+    ----------
+    grid_shape : (ny, nx)
+    h : float
+        Spacing, the same in both directions.
+    shape : PotentialShape
+    strength : float
+        eps0.
+
+    Raises
+    ------
+    InputError
+        A grid without cells or spacing; fields of another shape.
+    """
+
+    def __init__(
+        self, grid_shape: tuple[int, int], h: float, shape: PotentialShape, strength: float
+    ) -> None:
+        check_grid(grid_shape, h)
+        self.grid_shape = grid_shape
+        self._setup = _Setup(float(h), -strength * h * h, shape, half_widths(shape, h))
+
+    def __call__(self, density: Array, angle: Array) -> Forces:
+        """See `GridInteraction`."""
+        check_fields(self.grid_shape, density, angle)
+        fields = _Fields(np.cos(2.0 * angle), np.sin(2.0 * angle), density, row_extents(density))
+        force = np.zeros((2, *self.grid_shape))
+        turns = self._setup.shape.shape_factor != 0.0
+        torque = np.zeros(self.grid_shape) if turns else None
+        occupied = np.flatnonzero(fields.extents[:, 0] < fields.extents[:, 1])
+        # Threads take contiguous parts of this list: dealing the rows out balances their work.
+        threads = numba.get_num_threads()
+        rows = np.concatenate([occupied[first::threads] for first in range(threads)])
+        _sum_rows(rows, fields, self._setup, force, torque)
+        return Forces(force[0], force[1], torque)
+
+
+def row_extents(density: Array) -> Indices:
+    """First and one past the last occupied cell of every row: (ny, 2) int64, (nx, 0) if none is."""
+    occupied = density != 0.0
+    some = occupied.any(axis=1)
+    columns = density.shape[1]
+    first = np.where(some, occupied.argmax(axis=1), columns)
+    end = np.where(some, columns - occupied[:, ::-1].argmax(axis=1), 0)
+    return np.stack([first, end], axis=1).astype(np.int64)
+
+
+@parallel_kernel
+def _sum_rows(
+    rows: Indices, fields: _Fields, setup: _Setup, force: Array, torque: Array | None
+) -> None:
+    # Numba's parallel loops take arrays and numbers, not named tuples: out of them, and in again.
+    h, scale, shape, widths = setup
+    shape_factor, size, reach = shape
+    c2, s2, density, extents = fields
+    for k in numba.prange(rows.size):
+        _sum_row(
+            rows[k],
+            _Fields(c2, s2, density, extents),
+            _Setup(h, scale, PotentialShape(shape_factor, size, reach), widths),
+            force,
+            torque,
+        )
+
+
+@kernel
+def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Array | None) -> None:
+    """Forces on one row of cells, offset by offset: the inner loop runs along contiguous cells."""
+    h, scale, shape, widths = setup
+    c2, s2, density, extents = fields
+    first, end = extents[row]
+    sums = np.zeros((3, c2.shape[1]))
+    for source in range(max(0, row - widths.size + 1), min(c2.shape[0], row + widths.size)):
+        width = widths[abs(source - row)]
+        for offset in range(-width, width + 1):
+            a = max(first, extents[source, 0] - offset)
+            b = min(end, extents[source, 1] - offset)
+            if a >= b:
+                continue
+            delta = offset * h, (source - row) * h
+            target = c2[row, a:b], s2[row, a:b]
+            a_bar, b_bar = a + offset, b + offset
+            bar = c2[source, a_bar:b_bar], s2[source, a_bar:b_bar], density[source, a_bar:b_bar]
+            pull = sums[0, a:b], sums[1, a:b]
+            if torque is None:
+                _add_offset(pull, None, target, bar, delta, shape)
+            else:
+                _add_offset(pull, sums[2, a:b], target, bar, delta, shape)
+    for j in range(first, end):
+        if density[row, j] != 0.0:
+            force[0, row, j] = scale * sums[0, j]
+            force[1, row, j] = scale * sums[1, j]
+            if torque is not None:
+                torque[row, j] = scale * sums[2, j]
+
+
+@kernel
+def _add_offset(
+    pull: tuple[Array, Array],
+    turn: Array | None,
+    target: tuple[Array, Array],
+    bar: tuple[Array, Array, Array],
+    delta: tuple[float, float],
+    shape: PotentialShape,
+) -> None:
+    """Add what a run of cells (c2, s2, density of `bar`) does to the run `target` at -`delta`.
+
+    All arrays are contiguous and of one length; only so does the loop become SIMD instructions.
+    """
+    pull_x, pull_y = pull
+    c2, s2 = target
+    c2_bar, s2_bar, density = bar
+    dx, dy = delta
+    for j in range(c2.size):
+        _, slope_x, slope_y, slope_angle = pair_potential(
+            dx, dy, c2[j], s2[j], c2_bar[j], s2_bar[j], shape
+        )
+        pull_x[j] += density[j] * slope_x
+        pull_y[j] += density[j] * slope_y
+        if turn is not None:
+            turn[j] += density[j] * slope_angle

@@ -1,0 +1,183 @@
+"""The interaction integral on an r-grid by Fourier series, in both angles and in space.
+
+With grad_r U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular`), the integral is
+
+    force(r) = -eps0 h^2 sum_p b_p(phi(r)) sum_q [ K_pq * (rho b_q(phi)) ](r)
+
+and likewise the torque: 2M + 1 transforms there, one real block per frequency, and three times as
+many transforms back.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from ellipsoid_coupling.interaction.angular import AngularSeries, angular_basis
+from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fields, check_grid
+from ellipsoid_coupling.interaction.spectra import (
+    COMPONENT_PARITY,
+    LANES,
+    Indices,
+    Real,
+    basis_parity,
+    stride,
+    transform,
+)
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+
+Complex = NDArray[np.complexfloating]
+
+# Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
+LEAST_SINGLE_TOLERANCE = 1e-4
+
+
+class HarmonicInteraction:
+    """The discretised integral of `GridInteraction`, within the tolerance of its series.
+
+    Force and torque are off by at most tolerance * max(density) * eps0 h^2 * series.norms, for any
+    field of angles (see `angular_series`); rounding adds 1e-6 of that scale in single precision,
+    which is taken for tolerances from 1e-4 on. Work is confined to the smallest rectangle of cells
+    that holds all density, and forces are 0 in vacuum. The same bits come out for any number of
+    threads.
+
+    Parameters
+    ----------
+    grid_shape : (ny, nx)
+    strength : float
+        eps0.
+    series : AngularSeries
+        For the grid's spacing.
+
+    Raises
+    ------
+    InputError
+        A grid without cells or spacing; fields of another shape.
+    """
+
+    def __init__(self, grid_shape: tuple[int, int], strength: float, series: AngularSeries) -> None:
+        check_grid(grid_shape, series.h)
+        self.grid_shape = grid_shape
+        self.series = series
+        single = series.tolerance >= LEAST_SINGLE_TOLERANCE
+        self._precision = np.float32 if single else np.float64
+        self._spectra = transform(series, grid_shape, strength, self._precision)
+
+    def __call__(self, density: Array, angle: Array) -> Forces:
+        """See `GridInteraction`."""
+        check_fields(self.grid_shape, density, angle)
+        components = self._spectra.blocks.shape[1]
+        out = np.zeros((components, *self.grid_shape))
+        box = occupied_box(density)
+        if box is not None:
+            inner = density[box]
+            basis = np.empty((2 * self.series.harmonics + 1, *inner.shape), self._precision)
+            angular_basis(angle[box], basis)
+            fields = self._convolve(basis * inner.astype(self._precision))
+            _evaluate(fields, basis, inner, out[(slice(None), *box)])
+        return Forces(out[0], out[1], out[2] if components == 3 else None)
+
+    def _convolve(self, sources: Real) -> Real:
+        """sum_q K_pq * sources_q, (2M + 1, rows, columns) to (components, 2M + 1, same, same)."""
+        spectra, workers = self._spectra, numba.get_num_threads()
+        functions, rows, columns = sources.shape
+        y_stride = stride(spectra.padded[0], rows, spectra.cells)
+        x_stride = stride(spectra.padded[1], columns, spectra.cells)
+        py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
+        waves = fft.rfft(sources, px, axis=2, workers=workers)
+        waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
+        frequencies = spectra.order[: px // 2 + 1] // x_stride
+        fields = np.empty((spectra.blocks.shape[1], functions, py, px // 2 + 1), waves.dtype)
+        parities = np.outer(COMPONENT_PARITY, basis_parity(functions))
+        _multiply(spectra.blocks, y_stride, frequencies, parities, waves, fields)
+        # Rows beyond the occupied ones are dropped before the transform along x.
+        fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
+        return fft.irfft(fields, px, axis=3, workers=workers)[..., :columns]
+
+
+def occupied_box(density: Array) -> tuple[slice, slice] | None:
+    """The smallest (rows, columns) outside which `density` (ny, nx) is 0; None if all is empty."""
+    occupied = density != 0.0
+    rows, columns = np.flatnonzero(occupied.any(axis=1)), np.flatnonzero(occupied.any(axis=0))
+    if rows.size == 0:
+        return None
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+@parallel_kernel
+def _multiply(
+    blocks: Real,
+    y_stride: int,
+    frequencies: Indices,
+    parities: Indices,
+    waves: Complex,
+    fields: Complex,
+) -> None:
+    """fields[c, p] = sum_q block[c, p, q] waves[q] at every frequency (py, px//2 + 1)."""
+    py = waves.shape[1]
+    for ky in numba.prange(py // 2 + 1):
+        rows = ky, (py - ky) % py
+        _multiply_rows(blocks[ky * y_stride], frequencies, parities, waves, fields, rows)
+
+
+@kernel
+def _multiply_rows(
+    block: Real,
+    frequencies: Indices,
+    parities: Indices,
+    waves: Complex,
+    fields: Complex,
+    rows: tuple[int, int],
+) -> None:
+    """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between."""
+    components, functions, n = block.shape[0], block.shape[1], frequencies.size
+    padded = -(-n // LANES) * LANES
+    plus, minus = rows
+    source = np.zeros((functions, 4, padded), block.dtype)
+    for q in range(functions):
+        parity = parities[0, q]
+        for j in range(n):
+            up, down = waves[q, plus, frequencies[j]], waves[q, minus, frequencies[j]]
+            source[q, 0, j], source[q, 1, j] = up.real, up.imag
+            source[q, 2, j], source[q, 3, j] = parity * down.real, parity * down.imag
+    sums = np.empty((4, padded), block.dtype)
+    for c in range(components):
+        for p in range(functions):
+            sums[:] = 0.0
+            for q in range(functions):
+                _add_product(sums, block[c, p, q, :padded], source[q])
+            parity = parities[c, p]
+            for j in range(n):
+                k = frequencies[j]
+                up = complex(sums[0, j], sums[1, j])
+                down = complex(parity * sums[2, j], parity * sums[3, j])
+                # The transform of the force's odd kernel is imaginary.
+                fields[c, p, minus, k] = down if c == 2 else 1j * down
+                fields[c, p, plus, k] = up if c == 2 else 1j * up
+
+
+@kernel
+def _add_product(sums: Real, factor: Real, source: Real) -> None:
+    """sums[part] += factor source[part] for the four parts: real and imaginary, ky and -ky."""
+    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
+    e, f, g, h = source[0], source[1], source[2], source[3]
+    for j in range(factor.size):
+        a[j] += factor[j] * e[j]
+        b[j] += factor[j] * f[j]
+        c[j] += factor[j] * g[j]
+        d[j] += factor[j] * h[j]
+
+
+@parallel_kernel
+def _evaluate(fields: Real, basis: Real, density: Array, out: Array) -> None:
+    """out[c] = sum_p fields[c, p] basis[p] in occupied cells, 0 elsewhere."""
+    for i in numba.prange(basis.shape[1]):
+        for c in range(fields.shape[0]):
+            for p in range(basis.shape[0]):
+                for j in range(basis.shape[2]):
+                    out[c, i, j] += fields[c, p, i, j] * basis[p, i, j]
+            for j in range(basis.shape[2]):
+                if density[i, j] == 0.0:
+                    out[c, i, j] = 0.0

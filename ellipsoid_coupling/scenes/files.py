@@ -40,6 +40,8 @@ def load_scene(scene: str | Path, settings: Mapping[str, Any] | None = None) -> 
         For a missing or unreadable file, an unknown key, a value of the wrong type or range.
     """
     table, where = _read_table(scene)
+    if set(table) == {"run", "versions", "scene"}:  # the run.toml of an earlier run
+        table = table["scene"]
     for key, value in (settings or {}).items():
         _apply(table, key, value)
     return scene_from_table(table, where)

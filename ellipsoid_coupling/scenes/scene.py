@@ -156,7 +156,7 @@ class Numerics(Part):
     tolerance: Positive = 1e-4
     cfl: Annotated[float, Field(gt=0, le=1)] = 0.9
     interaction: Literal["auto", "direct", "harmonics"] = "auto"
-    harmonics_tolerance: Positive = 5e-3
+    harmonics_tolerance: Positive = 2e-2
 
 
 class Scene(Part):

@@ -1,0 +1,362 @@
+"""The command line: ``ellipsoid`` and ``python -m ellipsoid_coupling``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from ellipsoid_coupling.errors import EllipsoidError, InputError
+from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.scenes import Scene, explain_terms, load_scene, parse_setting
+
+app = App(
+    name="ellipsoid",
+    help="Ellipsoidal particles in an OpenFOAM flow: from particles to mean-field equations.",
+    version_flags=["--version"],
+)
+
+Settings = Annotated[
+    list[str] | None,
+    Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
+]
+Names = Annotated[list[str], Parameter(negative="")]
+
+
+def _print(*lines: str) -> None:
+    for line in lines:
+        sys.stdout.write(line + "\n")
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table for people on standard output; in a log as wide as it needs."""
+    table = Table(title=title, title_justify="left")
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else 150)
+    console.print(table)
+
+
+def _new_folder(out: Path | None, name: str) -> Path:
+    """`out`, or results/`name` with the first free number behind it."""
+    if out is not None:
+        return out
+    folder, count = Path("results") / name, 1
+    while folder.exists():
+        count += 1
+        folder = Path("results") / f"{name}-{count}"
+    return folder
+
+
+def _scene(name: str, settings: list[str] | None) -> Scene:
+    return load_scene(name, dict(parse_setting(text) for text in settings or []))
+
+
+@app.command
+def flow(
+    case: str,
+    *,
+    cells: int | None = None,
+    processes: int = 1,
+    out: Path | None = None,
+) -> None:
+    """Run an OpenFOAM case to rest, or reuse its solution.
+
+    Parameters
+    ----------
+    case
+        A case of foam_cases/ or the path of a case folder with the same layout.
+    cells
+        Cells a side; the case's own number if left out.
+    processes
+        Processes of icoFoam (decomposePar, mpirun).
+    out
+        Where the solved case goes; into the cache if left out.
+    """
+    from ellipsoid_coupling.flow.openfoam import solve_case
+
+    with ProgressReporter() as report:
+        folder = solve_case(case, cells=cells, processes=processes, out=out, report=report)
+    _print(str(folder))
+
+
+@app.command
+def plan(
+    scene: str,
+    *,
+    model: str = "microscopic",
+    set_: Settings = None,
+) -> None:
+    """List every term of a scene: whether it runs, and why.
+
+    Parameters
+    ----------
+    scene
+        A built-in scene or a TOML file.
+    model
+        The model that it is planned for.
+    """
+    from ellipsoid_coupling.models import model_names
+
+    if model not in model_names():
+        known = ", ".join(model_names())
+        raise InputError("--model", f"one of {known}", repr(model), "Choose one of these.")
+    chosen = _scene(scene, set_)
+    terms = explain_terms(chosen, model)
+    rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
+    print_table(f"{chosen.name}, {model}", ("term", "", "why"), rows)
+
+
+def _run_file(scene: str) -> dict[str, Any]:
+    """The [run] part of a run.toml; empty for a scene."""
+    path = Path(scene)
+    if path.suffix != ".toml" or not path.is_file():
+        return {}
+    try:
+        return dict(tomllib.loads(path.read_text(encoding="utf-8")).get("run", {}))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return {}
+
+
+@app.command
+def run(
+    scene: str,
+    *,
+    model: str | None = None,
+    scheme: str | None = None,
+    flow: Path | None = None,
+    set_: Settings = None,
+    seed: int | None = None,
+    realisations: int | None = None,
+    out: Path | None = None,
+    resume: bool = False,
+) -> None:
+    """Run one model on one scene.
+
+    Parameters
+    ----------
+    scene
+        A built-in scene, a TOML file, or the run.toml of an earlier run to repeat it.
+    model
+        microscopic, rho_mono_kinetic, ...
+    scheme
+        paper (the paper's numerics) or accurate.
+    flow
+        Any solved 2-D OpenFOAM case folder, what foamToVTK wrote, or a saved flow (.npz).
+    seed
+        Fixes start positions and noise.
+    realisations
+        Instead of the scene's number.
+    out
+        The run folder; results/... if left out.
+    resume
+        Continue the interrupted run in --out, bit for bit.
+    """
+    from ellipsoid_coupling.simulate import simulate
+
+    before = _run_file(scene)
+    chosen = _scene(scene, set_)
+    name = model or before.get("model")
+    if name is None:
+        raise InputError("run", "--model", "none", "Example: --model microscopic.")
+    if resume and out is None:
+        raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
+    if realisations is not None and realisations < 1:
+        raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
+    kind = scheme or before.get("scheme", "accurate")
+    folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
+    with ProgressReporter() as report:
+        result = simulate(
+            chosen,
+            name,
+            kind,
+            flow=flow,
+            seed=seed if seed is not None else int(before.get("seed", 0)),
+            realisations=realisations or before.get("realisations"),
+            folder=folder,
+            resume=resume,
+            report=report,
+        )
+    shown = ("status", "resolution", "flow", "steps", "rejected_steps", "mass_start", "mass_end")
+    known = [key for key in shown if key in result.attributes]
+    rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
+    rows += [(k, f"{result.attributes[k]:.2f}") for k in ("wall_seconds", "compile_seconds")]
+    print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
+    _print(str(folder))
+
+
+@app.command
+def compare(
+    what: Names,
+    *,
+    out: Path | None = None,
+    flow: Path | None = None,
+    set_: Settings = None,
+) -> None:
+    """Errors against run time, as a table and a figure.
+
+    Parameters
+    ----------
+    what
+        One scene (every model and scheme is run at three resolutions), or finished run folders.
+    out
+        Folder of the table and the figure; results/... if left out.
+    flow
+        As in `run`.
+    """
+    from ellipsoid_coupling.compare.frontier import compare_runs, run_frontier
+    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.simulate import scene_flow
+
+    with ProgressReporter() as report:
+        if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
+            scene = _scene(what[0], set_)
+            frontier = run_frontier(scene, scene_flow(scene, flow, report), report=report)
+        else:
+            results = [Result.load(path) for path in what]
+            scene = results[0].scene
+            frontier = compare_runs(results, scene_flow(scene, flow, report))
+    folder = _new_folder(out, f"compare-{scene.name}")
+    report_frontiers([frontier], folder)
+    _print(str(folder))
+
+
+def report_frontiers(frontiers: Sequence[Any], folder: Path) -> None:
+    """Write errors.csv and one figure a scene into `folder`, and print the table."""
+    from ellipsoid_coupling.compare.frontier import write_table
+    from ellipsoid_coupling.output.figures import draw_frontier
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(frontiers, folder)
+    for frontier in frontiers:
+        scene = frontier.reference.scene
+        against = "exact solution" if frontier.exact else "microscopic ensemble"
+        draw_frontier(
+            [row for row in frontier.rows if row.status == "completed"],
+            folder / f"error_against_run_time_{scene.name}.png",
+            noise=(frontier.sampling.density, frontier.sampling.angle),
+            title=f"{scene.title}: L1 error against the {against}",
+        )
+        _print_frontier(frontier, against)
+
+
+def _print_frontier(frontier: Any, against: str) -> None:
+    def numbers(values: Sequence[float]) -> str:
+        return "  ".join(f"{value:.3f}" for value in values)
+
+    times = ", ".join(f"{time:g}" for time in frontier.reference.times)
+    columns = ("model", "scheme", "resolution", "density L1", "angle L1", "wall s")
+    rows = [
+        (
+            row.model,
+            row.scheme,
+            row.resolution if row.status == "completed" else row.status,
+            numbers(row.density_errors),
+            numbers(row.angle_errors),
+            f"{row.wall_seconds:.2f}",
+        )
+        for row in frontier.rows
+    ]
+    sampling = frontier.sampling
+    rows.append(
+        ("sampling error", "", "of an ensemble", numbers(sampling.density), numbers(sampling.angle))
+        + ("",)
+    )
+    title = f"{frontier.reference.scene.title}: error against the {against} at t = {times}"
+    print_table(title, columns, rows)
+
+
+@app.command
+def stability(*, out: Path | None = None) -> None:
+    """Run stiff and extreme cases with every model and scheme, and map what stays stable.
+
+    Parameters
+    ----------
+    out
+        Folder of the table and the figure; results/... if left out.
+    """
+    from ellipsoid_coupling.compare.stability import map_stability, write_stability
+    from ellipsoid_coupling.output.figures import draw_stability
+
+    with ProgressReporter() as report:
+        cells = map_stability(report)
+    folder = _new_folder(out, "stability")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_stability(cells, folder)
+    draw_stability(cells, folder / "stability.png")
+    rows = [(c.case, c.model, c.scheme, c.verdict, c.detail) for c in cells]
+    print_table("Stability", ("case", "model", "scheme", "verdict", "detail"), rows)
+    _print(str(folder))
+
+
+@app.command
+def export(run: Path) -> None:
+    """Write ParaView files into a run folder.
+
+    Parameters
+    ----------
+    run
+        A finished run folder.
+    """
+    from ellipsoid_coupling.output.paraview import export as write
+    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.simulate import scene_flow
+
+    result = Result.load(run)
+    with ProgressReporter() as report:
+        field = scene_flow(result.scene, None, report)
+    folder = (run if run.is_dir() else run.parent) / "paraview"
+    write(result, folder, flow=field)
+    _print(str(folder))
+
+
+@app.command
+def figures(runs: Names, *, out: Path | None = None) -> None:
+    """Draw the paper's pictures of finished runs.
+
+    Parameters
+    ----------
+    runs
+        Run folders; those of one scene are drawn together.
+    out
+        Folder of the pictures; results/... if left out.
+    """
+    from ellipsoid_coupling.output.figures import draw_all
+    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.simulate import scene_flow
+
+    results = [Result.load(path) for path in runs]
+    folder = _new_folder(out, "figures")
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProgressReporter() as report:
+        draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))
+    _print(str(folder))
+
+
+def main(tokens: Sequence[str] | None = None) -> None:
+    """Run the command line; exit status 0, 1 (failed run) or 2 (bad input)."""
+    try:
+        app(tokens, exit_on_error=False, print_error=False)
+    except EllipsoidError as error:
+        sys.stderr.write(f"ellipsoid: {error}\n")
+        sys.exit(error.exit_status)
+    except CycloptsError as error:
+        sys.stderr.write(f"ellipsoid: {error}\nSee ellipsoid --help.\n")
+        sys.exit(InputError.exit_status)
+    except KeyboardInterrupt:
+        sys.stderr.write("ellipsoid: interrupted\n")
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

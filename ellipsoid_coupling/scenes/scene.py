@@ -20,7 +20,7 @@ Sides = Annotated[tuple[Literal["left", "right", "bottom", "top"], ...], Strict(
 
 def _require_interval(name: str, interval: Interval) -> None:
     if not interval[0] < interval[1]:
-        raise ValueError(f"{name} must be [low, high] with low < high")
+        raise ValueError(f"{name} = [low, high] with low < high")
 
 
 class Part(BaseModel):
@@ -70,7 +70,7 @@ class Particles(Part):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.width > self.length:
-            raise ValueError(f"width {self.width} must not exceed length {self.length}")
+            raise ValueError(f"a width of at most the length {self.length}, not {self.width}")
         return self
 
     @property
@@ -179,13 +179,13 @@ class Scene(Part):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise ValueError("times must increase")
+            raise ValueError("increasing times")
         if self.walls is not None and self.domain.boundary != "reflecting":
-            raise ValueError('walls need domain.boundary = "reflecting"')
+            raise ValueError('domain.boundary = "reflecting" for [walls]')
         if self.walls is not None and self.interaction is None:
-            raise ValueError("walls act through the interaction potential: add [interaction]")
+            raise ValueError("[interaction] with [walls], whose ghosts act through its potential")
         for axis in ("x", "y"):
             box, domain = getattr(self.start, axis), getattr(self.domain, axis)
             if box[0] < domain[0] or box[1] > domain[1]:
-                raise ValueError(f"start.{axis} {box} lies outside domain.{axis} {domain}")
+                raise ValueError(f"start.{axis} within domain.{axis} {domain}, not {box}")
         return self

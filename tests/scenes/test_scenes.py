@@ -1,0 +1,120 @@
+"""Scene files: what is read, what is refused, and which terms follow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.scenes import (
+    builtin_scenes,
+    explain_terms,
+    load_scene,
+    parse_setting,
+    scene_to_toml,
+    terms_of,
+)
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_a_scene_survives_being_written_and_read(name: str, tmp_path: Path) -> None:
+    scene = load_scene(name)
+    file = tmp_path / "scene.toml"
+    file.write_text(scene_to_toml(scene))
+    assert load_scene(file) == scene
+
+
+def test_the_papers_five_scenes_are_there() -> None:
+    assert builtin_scenes() == ["cavity", "cavity_free", "rotation", "stationary", "top_bottom"]
+
+
+def test_the_cavity_has_the_papers_numbers() -> None:
+    scene = load_scene("cavity")
+    particles = scene.particles
+    assert (particles.length, particles.width, particles.inertia) == (0.05, 0.025, 0.001)
+    assert (particles.number, particles.realisations) == (1000, 128)
+    assert (scene.times, scene.numerics.cell) == ((2.0, 3.5, 5.0), 0.005)
+    assert scene.flow is not None
+    assert (scene.flow.drag, scene.flow.angular_drag, scene.flow.cells) == (10.0, 10.0, 100)
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"particles.lenght": 1.0}, "particles.lenght"),
+    ({"particles.length": "long"}, "particles.length"),
+    ({"particles.length": -0.1}, "particles.length"),
+    ({"particles.width": 0.2}, "particles"),
+    ({"particles.number": 2.5}, "particles.number"),
+    ({"particles.number": 0}, "particles.number"),
+    ({"particles": None}, "particles"),
+    ({"flow.drag": float("nan")}, "flow.drag"),
+    ({"walls.sides": ["up"]}, "walls.sides"),
+    ({"domain.boundary": "open"}, "walls"),
+    ({"interaction": None}, "walls"),
+    ({"times": [2.0, 1.0]}, "increasing"),
+    ({"times": []}, "times"),
+    ({"start.x": [0.6, 0.4]}, "start"),
+    ({"start.x": [0.4, 1.4]}, "start.x"),
+    ({"turbulence": 3}, "turbulence"),
+    ({"name.first": 3}, "name"),
+]
+
+
+@pytest.mark.parametrize(("settings", "named"), BAD, ids=lambda value: str(value))
+def test_a_mistake_names_file_and_key(settings: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match="expected") as caught:
+        load_scene("cavity", settings)
+    assert named in str(caught.value)
+    assert caught.value.exit_status == 2
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cavity_free"):
+        load_scene("no_such_scene")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("name = = 3")
+    with pytest.raises(InputError, match=r"broken\.toml"):
+        load_scene(broken)
+    broken.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="TOML"):
+        load_scene(broken)
+
+
+def test_settings_are_toml_values() -> None:
+    assert parse_setting("a.b=3") == ("a.b", 3)
+    assert parse_setting("a=[1.0, 2]") == ("a", [1.0, 2])
+    assert parse_setting("a=paper") == ("a", "paper")
+    assert parse_setting("walls=none") == ("walls", None)
+    with pytest.raises(InputError, match="key=value"):
+        parse_setting("nonsense")
+
+
+def test_terms_follow_from_the_scene() -> None:
+    free = terms_of(load_scene("cavity_free"))
+    assert free.flow
+    assert not (free.interaction or free.torque or free.walls or free.noise)
+    full = terms_of(load_scene("cavity"))
+    assert full.interaction
+    assert full.walls
+    assert full.reflection
+    circles = terms_of(load_scene("cavity", {"particles.width": 0.05}))
+    assert circles.interaction
+    assert not circles.torque
+    still = load_scene("cavity", {"particles.width": 0.05, "flow.angular_drag": 0.0})
+    assert not terms_of(still).angle
+
+
+def test_noise_runs_in_particles_and_only_damps_in_closures() -> None:
+    scene = load_scene("stationary")
+    assert terms_of(scene, "microscopic").noise
+    term = next(t for t in explain_terms(scene, "rho_mono_kinetic") if t.name == "noise")
+    assert not term.runs
+    assert "damping" in term.why
+    quiet = load_scene("stationary", {"noise.noise": 0.0})
+    assert not terms_of(quiet, "microscopic").noise
+
+
+def test_every_term_has_a_reason() -> None:
+    for name in builtin_scenes():
+        assert all(term.why for term in explain_terms(load_scene(name)))

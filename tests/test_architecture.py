@@ -1,0 +1,90 @@
+"""Imports run one way, and each heavy library has its one place."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "ellipsoid_coupling"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+# A part may import itself and what stands before it.
+ORDER = [
+    "errors",
+    "kernels",
+    "scenes",
+    "physics",
+    "flow",
+    "interaction",
+    "schemes",
+    "models",
+    "histograms",
+    "result",
+    "simulate",
+    "compare",
+    "output",
+    "progress",
+    "cli",
+]
+ONLY_IN = {
+    "matplotlib": ("output/figures",),
+    "pyvista": ("flow/reader.py", "output/paraview"),
+    "meshio": ("flow/reader.py",),
+    "subprocess": ("flow",),
+}
+# One reader, three sources of OpenFOAM data: see ellipsoid_coupling/flow.
+GPL = {"foamlib", "fluidfoam", "PyFoam"}
+
+
+def imported(source: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def part(module: str) -> str:
+    return (module.split(".") + [""])[1]
+
+
+def relative(source: Path) -> str:
+    return source.relative_to(PACKAGE).as_posix()
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_imports_run_one_way(source: Path) -> None:
+    own = relative(source).split("/")[0].removesuffix(".py")
+    if own in ("__init__", "__main__"):
+        return
+    for module in imported(source):
+        if module.startswith("ellipsoid_coupling."):
+            assert ORDER.index(part(module)) <= ORDER.index(own), module
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_heavy_libraries_have_one_place_and_no_gpl(source: Path) -> None:
+    for module in imported(source):
+        top = module.split(".")[0]
+        assert top not in GPL
+        places = ONLY_IN.get(top)
+        assert places is None or relative(source).startswith(places), module
+
+
+def test_no_model_imports_another() -> None:
+    for source in (PACKAGE / "models").glob("*.py"):
+        if source.stem in ("__init__", "base", "parts"):
+            continue
+        allowed = {"ellipsoid_coupling.models.base", "ellipsoid_coupling.models.parts"}
+        models = {m for m in imported(source) if m.startswith("ellipsoid_coupling.models")}
+        assert models <= allowed, source.name
+
+
+def test_scenes_import_none_of_the_package_but_errors() -> None:
+    for source in (PACKAGE / "scenes").glob("*.py"):
+        for module in imported(source):
+            if module.startswith("ellipsoid_coupling."):
+                assert part(module) in ("scenes", "errors"), (source.name, module)

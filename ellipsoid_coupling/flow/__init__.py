@@ -1,0 +1,27 @@
+"""The fluid: a `FlowField`, made by OpenFOAM, read from a case or given by a formula.
+
+pyvista and meshio are imported when a case is read (`flow.reader`), not by this package.
+"""
+
+from ellipsoid_coupling.flow.analytic import LINEAR_FLOWS, LinearFlow, analytic_flow, linear_flow
+from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
+from ellipsoid_coupling.flow.obtain import flow_at, obtain_flow
+from ellipsoid_coupling.flow.openfoam import solve_case
+from ellipsoid_coupling.flow.programs import openfoam_available
+from ellipsoid_coupling.flow.spline import WallVelocity
+
+__all__ = [
+    "LINEAR_FLOWS",
+    "FlowArrays",
+    "FlowField",
+    "FlowSample",
+    "LinearFlow",
+    "WallVelocity",
+    "analytic_flow",
+    "flow_at",
+    "linear_flow",
+    "obtain_flow",
+    "openfoam_available",
+    "sample_flow",
+    "solve_case",
+]

@@ -1,0 +1,256 @@
+"""The fluid velocity as a bicubic stream function: divergence-free, C1, tight at walls.
+
+    u = (d psi/dy, -d psi/dx),   psi(x, y) = sum_ij c_ij B((y - y_i)/dy) B((x - x_j)/dx)
+
+with the cubic B-spline B, so velocity and gradient come from the same 16 coefficients:
+
+        j=0  1   2  ...  nx+2        coefficients, (ny+3, nx+3), axis order (y, x)
+         o   o   o   o   o
+         o   +---+---+   o           + nodes, (ny+1, nx+1); coefficient [i+1, j+1] is on [i, j]
+         o   |   |   |   o
+         o   +---+---+   o           cell [i, j] uses the coefficients [i:i+4, j:j+4]
+         o   o   o   o   o
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
+from ellipsoid_coupling.kernels import inline_kernel, kernel
+
+Array = NDArray[np.float64]
+
+# A particle that a wall reflects may end on the wall's other side by rounding: still inside.
+RIM = 1e-9
+
+
+class FlowArrays(NamedTuple):
+    """What compiled kernels get of a `FlowField`.
+
+    coefficients : float64 (ny+3, nx+3), axis order (y, x), of psi
+    x0, y0 : the lower left node; inverse_dx, inverse_dy : cells per unit length
+    x_low ... y_high : where the field is defined, rim included; infinite for analytic flows
+    mask : uint8 (ny, nx), 1 where the cell lies in the flow
+    """
+
+    coefficients: Array
+    x0: float
+    y0: float
+    inverse_dx: float
+    inverse_dy: float
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+    mask: NDArray[np.uint8]
+
+
+class FlowSample(NamedTuple):
+    """Velocity and gradient at points, arrays of one shape; d u_y/dy is -dux_dx."""
+
+    velocity_x: Array
+    velocity_y: Array
+    dux_dx: Array
+    dux_dy: Array
+    duy_dx: Array
+    inside: NDArray[np.bool_]
+
+
+@inline_kernel
+def _cell(position: float, cells: int) -> int:
+    """The cell of a position in units of cells, the nearest one from outside, 0 for NaN."""
+    # Comparisons, not min and max: they keep NaN from becoming an index.
+    index = 0
+    if position >= cells:
+        index = cells - 1
+    elif position > 0.0:
+        index = int(position)
+    return index
+
+
+@inline_kernel
+def _row(
+    c: Array, i: int, j: int, t: float, s: float, weights: tuple[float, float, float, float]
+) -> tuple[float, float, float]:
+    """Value, slope and curvature along x (per cell) of one row of coefficients; s = 1 - t."""
+    # Unsigned: a signed index costs a test for negative values at each of the 16 loads.
+    k, j0, j1, j2, j3 = np.uintp(i), np.uintp(j), np.uintp(j + 1), np.uintp(j + 2), np.uintp(j + 3)
+    c0, c1, c2, c3 = c[k, j0], c[k, j1], c[k, j2], c[k, j3]
+    value = weights[0] * c0 + weights[1] * c1 + weights[2] * c2 + weights[3] * c3
+    # Derivatives of a B-spline are B-splines of the differences: fewer operations, same rounding.
+    d0, d1, d2 = c1 - c0, c2 - c1, c3 - c2
+    slope = 0.5 * s * s * d0 + (0.5 + t * s) * d1 + 0.5 * t * t * d2
+    curvature = s * (d1 - d0) + t * (d2 - d1)
+    return value, slope, curvature
+
+
+@inline_kernel
+def sample_flow(
+    flow: FlowArrays, x: float, y: float
+) -> tuple[float, float, float, float, float, bool]:
+    """(ux, uy, dux_dx, dux_dy, duy_dx, inside) at one point; duy_dy = -dux_dx.
+
+    Outside, the polynomial of the nearest cell is continued and `inside` is False; a position that
+    is not a number is outside.
+    """
+    c = flow.coefficients
+    ny, nx = flow.mask.shape
+    gx, gy = flow.inverse_dx, flow.inverse_dy
+    t, r = (x - flow.x0) * gx, (y - flow.y0) * gy
+    j, i = _cell(t, nx), _cell(r, ny)
+    t, r = t - j, r - i
+    s, q = 1.0 - t, 1.0 - r
+    # Weights of the uniform cubic B-spline in x, the outer and the inner two.
+    inner = 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s)
+    weights = s * s * s / 6.0, inner[0], inner[1], t * t * t / 6.0
+    v0, m0, k0 = _row(c, i, j, t, s, weights)
+    v1, m1, k1 = _row(c, i + 1, j, t, s, weights)
+    v2, m2, k2 = _row(c, i + 2, j, t, s, weights)
+    v3, m3, k3 = _row(c, i + 3, j, t, s, weights)
+    w0, w3 = q * q * q / 6.0, r * r * r / 6.0
+    w1, w2 = 2.0 / 3.0 - r * r * (1.0 - 0.5 * r), 2.0 / 3.0 - q * q * (1.0 - 0.5 * q)
+    e0, e1, e2 = 0.5 * q * q, 0.5 + r * q, 0.5 * r * r
+    psi_x = gx * (w0 * m0 + w1 * m1 + w2 * m2 + w3 * m3)
+    psi_y = gy * (e0 * (v1 - v0) + e1 * (v2 - v1) + e2 * (v3 - v2))
+    psi_xx = gx * gx * (w0 * k0 + w1 * k1 + w2 * k2 + w3 * k3)
+    psi_xy = gx * gy * (e0 * (m1 - m0) + e1 * (m2 - m1) + e2 * (m3 - m2))
+    psi_yy = gy * gy * (q * (v2 - 2.0 * v1 + v0) + r * (v3 - 2.0 * v2 + v1))
+    inside = flow.x_low <= x <= flow.x_high and flow.y_low <= y <= flow.y_high
+    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside and flow.mask[i, j] != 0
+
+
+@kernel
+def _sample_many(flow: FlowArrays, x: Array, y: Array, out: Array, inside: NDArray[Any]) -> None:
+    """`sample_flow` at the points x, y (n,) into out (5, n) and inside (n,)."""
+    for k in range(x.size):
+        out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], inside[k] = sample_flow(
+            flow, x[k], y[k]
+        )
+
+
+@dataclass(frozen=True)
+class FlowField:
+    """A stationary plane flow.
+
+    arrays : what compiled kernels take, see `FlowArrays` and `sample_flow`
+    origin : where the flow came from, one line
+    """
+
+    arrays: FlowArrays
+    origin: str
+
+    @classmethod
+    def from_stream_function(
+        cls,
+        psi: Array,
+        x: Array,
+        y: Array,
+        origin: str,
+        wall_velocity: WallVelocity | None = None,
+        inside: NDArray[np.bool_] | None = None,
+    ) -> FlowField:
+        """The spline through psi at the nodes, with the walls' tangential velocity as end slopes.
+
+        Parameters
+        ----------
+        psi : (ny+1, nx+1), axis order (y, x)
+        x, y : (nx+1,) and (ny+1,), the nodes, evenly spaced
+        origin : one line
+        wall_velocity : tangential velocity at the four sides' nodes; what is missing (None or NaN)
+            follows from psi by one-sided differences
+        inside : (ny, nx), the cells that lie in the flow; all of them by default
+        """
+        nx, ny = x.size - 1, y.size - 1
+        width, height = float(x[-1] - x[0]), float(y[-1] - y[0])
+        if psi.shape != (ny + 1, nx + 1) or min(nx, ny) < 4:
+            raise InputError(
+                "stream function", "nodes (ny+1, nx+1) with at least 4 cells each way",
+                f"psi of shape {psi.shape} on {ny + 1} x {nx + 1} nodes", "Give psi[y, x].",
+            )  # fmt: skip
+        cells = np.ones((ny, nx), bool) if inside is None else inside
+        coefficients = stream_coefficients(psi, width / nx, height / ny, wall_velocity)
+        arrays = FlowArrays(
+            coefficients, float(x[0]), float(y[0]), nx / width, ny / height,
+            float(x[0]) - RIM * width, float(x[-1]) + RIM * width,
+            float(y[0]) - RIM * height, float(y[-1]) + RIM * height, cells.astype(np.uint8),
+        )  # fmt: skip
+        return cls(arrays, origin)
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """(ny, nx), the spline's cells."""
+        ny, nx = self.arrays.mask.shape
+        return ny, nx
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x_low, x_high, y_low, y_high) of the flow's rectangle; infinite for analytic flows."""
+        flow = self.arrays
+        if math.isinf(flow.x_low):
+            return flow.x_low, flow.x_high, flow.y_low, flow.y_high
+        ny, nx = self.cells
+        return flow.x0, flow.x0 + nx / flow.inverse_dx, flow.y0, flow.y0 + ny / flow.inverse_dy
+
+    def evaluate(self, x: ArrayLike, y: ArrayLike) -> FlowSample:
+        """Velocity and gradient at points of any (common) shape; `inside` tells where they hold."""
+        points = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        shape = points[0].shape
+        out = np.empty((5, points[0].size))
+        inside = np.empty(points[0].size, np.bool_)
+        _sample_many(self.arrays, points[0].ravel(), points[1].ravel(), out, inside)
+        ux, uy, dux_dx, dux_dy, duy_dx = out.reshape(5, *shape)
+        return FlowSample(ux, uy, dux_dx, dux_dy, duy_dx, inside.reshape(shape))
+
+    def continued(self, x: ArrayLike, y: ArrayLike) -> FlowSample:
+        """As `evaluate`, at the nearest point of the flow's rectangle: ghost cells see walls."""
+        x_low, x_high, y_low, y_high = self.bounds
+        return self.evaluate(np.clip(x, x_low, x_high), np.clip(y, y_low, y_high))
+
+    def save(self, path: Path) -> None:
+        """Write an .npz that `load` reads; a kill at any moment leaves the old file or the new."""
+        scratch = path.with_name(f".{path.name}.{os.getpid()}")
+        numbers = np.array(self.arrays[1:9])
+        with scratch.open("wb") as file:
+            np.savez_compressed(
+                file,
+                coefficients=self.arrays.coefficients,
+                numbers=numbers,
+                mask=self.arrays.mask,
+                origin=np.array(self.origin),
+            )
+        scratch.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> FlowField:
+        """Read what `save` wrote; InputError where the file is missing or is something else."""
+        try:
+            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                coefficients, mask = file["coefficients"], file["mask"]
+                numbers, origin = file["numbers"], str(file["origin"])
+        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
+            raise InputError(
+                str(path), "a flow saved by FlowField.save", f"{type(error).__name__}: {error}",
+                "Name a saved flow (.npz) or a solved OpenFOAM case folder.",
+            ) from error  # fmt: skip
+        fits = coefficients.shape == (mask.shape[0] + 3, mask.shape[1] + 3) and numbers.shape == (
+            8,
+        )
+        if not fits or not np.isfinite(coefficients).all():
+            raise InputError(
+                str(path), "finite coefficients (ny+3, nx+3) and a mask (ny, nx)",
+                f"shapes {coefficients.shape} and {mask.shape}, or values that are not finite",
+                "Make the file again with FlowField.save.",
+            )  # fmt: skip
+        x0, y0, gx, gy, x_low, x_high, y_low, y_high = numbers.tolist()
+        limits = (x_low, x_high, y_low, y_high)
+        return cls(FlowArrays(coefficients, x0, y0, gx, gy, *limits, mask), origin)

@@ -1,0 +1,93 @@
+"""Which flow a scene gets: the named one, else the cache's, else a new run, else the shipped."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.openfoam import (
+    Report,
+    case_folder,
+    is_solved,
+    solve_case,
+    solved_folder,
+)
+from ellipsoid_coupling.flow.programs import INSTALL, openfoam_available
+
+SHIPPED = Path(__file__).parent / "shipped"
+# What turns a case into a field; its hash names the field kept beside a case in the cache.
+READING = ("field.py", "mesh_flow.py", "reader.py", "spline.py")
+
+
+def obtain_flow(
+    case: str,
+    cells: int,
+    path: Path | None = None,
+    processes: int = 2,
+    report: Report | None = None,
+) -> FlowField:
+    """The flow of a case; `origin` says in one line which of the four sources it came from.
+
+    Parameters
+    ----------
+    case : built-in name or folder, see `solve_case`
+    cells, processes : for the run, if there is one
+    path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
+    report : called with stage and fraction while OpenFOAM runs
+
+    Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
+    field is shipped for the case; RunError if the run fails.
+    """
+    if path is not None:
+        return _from("given", flow_at(path))
+    if openfoam_available():
+        known = is_solved(solved_folder(case, cells))
+        solved = solve_case(case, cells, processes, report=report)
+        return _from("cache" if known else "new icoFoam run", _field_of(solved))
+    if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
+        case_folder(case)
+        raise InputError(
+            "OpenFOAM", f"icoFoam, to solve {case}", "no such program and no shipped field",
+            f"Install it: {INSTALL}; or give a solved case with --flow.",
+        )  # fmt: skip
+    return _from("shipped, as OpenFOAM is not installed", FlowField.load(SHIPPED / f"{case}.npz"))
+
+
+def flow_at(path: Path) -> FlowField:
+    """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
+    if path.suffix == ".npz":
+        return FlowField.load(path)
+    # pyvista and meshio take a second to import: only who reads a case waits for them.
+    from ellipsoid_coupling.flow.reader import read_case, read_vtk
+
+    is_case = path.suffix == ".foam" or (path / "system").is_dir() or not path.is_dir()
+    if is_case:
+        return read_case(path)
+    has_vtk = (path / "internal.vtu").is_file() or any(path.glob("*_*/internal.vtu"))
+    return read_vtk(path) if has_vtk else read_case(path)
+
+
+def _field_of(solved: Path) -> FlowField:
+    """The field of a case in the cache, from the file beside it where there is one.
+
+    Reading a case takes a second with its imports, that file milliseconds.
+    """
+    digest = hashlib.sha256()
+    for name in READING:
+        digest.update((Path(__file__).parent / name).read_bytes())
+    saved = solved / f"flow-{digest.hexdigest()[:16]}.npz"
+    if saved.is_file():
+        return FlowField.load(saved)
+    from ellipsoid_coupling.flow.reader import read_case
+
+    field = read_case(solved)
+    field.save(saved)
+    return field
+
+
+def _from(source: str, field: FlowField) -> FlowField:
+    """The field with its source in front of its origin."""
+    return replace(field, origin=f"{source}: {field.origin}")

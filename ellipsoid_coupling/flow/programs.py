@@ -1,0 +1,94 @@
+"""Start one OpenFOAM program, follow its log, and say what went wrong in words."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from ellipsoid_coupling.errors import RunError
+
+PROGRAMS = ("blockMesh", "mapFields", "decomposePar", "icoFoam", "reconstructPar", "postProcess")
+INSTALL = "apt-get install -y --no-install-recommends openfoam"
+LAST_LINES = 12
+POLL_SECONDS = 0.05
+
+Follow = Callable[[str], None]
+
+
+def openfoam_available() -> bool:
+    """Whether every OpenFOAM program that a case needs can be started."""
+    return all(shutil.which(program) for program in PROGRAMS)
+
+
+def require_openfoam() -> None:
+    """RunError with the line that installs OpenFOAM, where it is missing."""
+    missing = [program for program in PROGRAMS if not shutil.which(program)]
+    if missing:
+        raise RunError(f"OpenFOAM is missing ({', '.join(missing)}). Install it: {INSTALL}")
+
+
+def foam_environment() -> Mapping[str, str]:
+    """The environment of OpenFOAM's programs: Debian's package needs this one variable."""
+    environment = dict(os.environ)
+    environment.setdefault("WM_PROJECT_DIR", "/usr/share/openfoam")
+    if sys.platform != "win32" and os.geteuid() == 0:
+        # Open MPI refuses to start for root unless told twice.
+        environment["OMPI_ALLOW_RUN_AS_ROOT"] = "1"
+        environment["OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"] = "1"
+    return environment
+
+
+def openfoam_version() -> str:
+    """The version that icoFoam reports, for instance 1912; RunError without OpenFOAM."""
+    require_openfoam()
+    command = ["icoFoam", "-help"]
+    text = subprocess.run(
+        command, env=foam_environment(), capture_output=True, text=True, check=False
+    ).stdout
+    found = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
+    return found[1] if found else "unknown"
+
+
+def run_program(case: Path, command: Sequence[str], follow: Follow | None = None) -> Path:
+    """Run one program in a case folder, its output in log.PROGRAM; return the log's path.
+
+    Parameters
+    ----------
+    case : the case folder
+    command : program and arguments, ``mpirun -np N`` before them for a parallel one
+    follow : gets what the log has grown by, while the program runs
+
+    Raises RunError with the program's name, the log's last lines and its path if the program ends
+    with any status but 0.
+    """
+    name = command[3] if command[0] == "mpirun" else Path(command[0]).name
+    log = case / f"log.{name}"
+    with log.open("w", encoding="utf-8") as out, log.open(encoding="utf-8") as grown:
+        process = subprocess.Popen(
+            command, cwd=case, env=foam_environment(), stdout=out, stderr=subprocess.STDOUT
+        )
+        try:
+            while process.poll() is None:
+                time.sleep(POLL_SECONDS)
+                if follow is not None:
+                    follow(grown.read())
+        finally:
+            # Nothing keeps running when this program is interrupted.
+            process.terminate()
+            process.wait()
+    if process.returncode != 0:
+        raise failed(f"{name} ended with status {process.returncode}", log)
+    return log
+
+
+def failed(what: str, log: Path) -> RunError:
+    """The error that quotes a log: what happened, its last lines, its path."""
+    lines = [line for line in log.read_text(encoding="utf-8").splitlines() if line.strip()]
+    end = "\n    ".join(lines[-LAST_LINES:])
+    return RunError(f"{what}. The end of {log}:\n    {end}")

@@ -1,0 +1,306 @@
+"""Read solved plane OpenFOAM cases: case folders by pyvista, foamToVTK's files by meshio.
+
+pyvista and meshio are imported in this file only, and only when a case is read: importing them
+takes longer than computing a small scene.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.mesh_flow import MeshFlow, Patch, flow_field
+from ellipsoid_coupling.flow.programs import openfoam_available, run_program
+
+Array = NDArray[np.float64]
+
+STREAM_REMEDY = "Run 'postProcess -func streamFunction -latestTime' in the case."
+
+# 0, 0.5, 12, 1e-05, but not 0.orig
+TIME = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")
+
+NOT_FINITE = re.compile(rb"[\s(][-+]?(nan|inf)", re.IGNORECASE)
+
+
+class _Cells(NamedTuple):
+    """Cells by their points: those of cell k are points[offsets[k]:offsets[k+1]]."""
+
+    points: NDArray[np.int_]
+    offsets: NDArray[np.int_]
+
+
+class _Raw(NamedTuple):
+    """What both libraries give: 3-D points, cells, fields, patches (centres, velocity), all 3-D."""
+
+    points: Array
+    cells: _Cells
+    psi: Array
+    velocity: Array
+    patches: Mapping[str, tuple[Array, Array]]
+
+
+def read_case(folder: Path) -> FlowField:
+    """The flow of a solved plane OpenFOAM case at its last time.
+
+    Parameters
+    ----------
+    folder : the case folder, or a .foam file in it; nothing is written there
+
+    Raises InputError if the folder is missing or no case, if only time 0 is there, if the mesh is
+    more than one cell thick, if U is missing or not finite, or if there is no stream function and
+    none can be computed.
+    """
+    case = folder.parent if folder.suffix == ".foam" else folder
+    _require_case(case)
+    time = _last_time(case)
+    if (case / time / "streamFunction").exists() or (case / time / "streamFunction.gz").exists():
+        raw = _read_foam(case, case)
+    else:
+        raw = _read_with_stream_function(case, time)
+    origin = f"OpenFOAM case {case.resolve().name}, time {time}"
+    return flow_field(_plane(raw, str(case), origin))
+
+
+def read_vtk(folder: Path) -> FlowField:
+    """The flow in what foamToVTK wrote, its last time: internal.vtu and boundary/*.vtp.
+
+    `folder` is that time's folder, the VTK folder, or the case. Errors as `read_case`.
+    """
+    step = _vtk_step(folder)
+    origin = f"foamToVTK folder {step.resolve().name}"
+    return flow_field(_plane(_read_vtu(step), str(step), origin))
+
+
+def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
+    return InputError(str(where), expected, found, remedy)
+
+
+def _require_case(case: Path) -> None:
+    if not case.is_dir():
+        raise _error(case, "a solved OpenFOAM case folder", "no such folder", "Correct the path.")
+    for part in ("system/controlDict", "constant/polyMesh/faces"):
+        if not (case / part).exists() and not (case / f"{part}.gz").exists():
+            raise _error(
+                case, "an OpenFOAM case folder", f"no {part} in it",
+                "Name the folder that holds constant, system and the times; mesh and solve it.",
+            )  # fmt: skip
+
+
+def _last_time(case: Path) -> str:
+    """The name of the last time folder; time 0, where nothing has been solved, is refused."""
+    folders = (path.name for path in case.iterdir() if path.is_dir())
+    times = sorted((name for name in folders if TIME.fullmatch(name)), key=float)
+    if not times or float(times[-1]) == 0.0:
+        raise _error(
+            case, "a solved case", "no time beyond 0",
+            "Run the solver; after a parallel run, reconstructPar -latestTime.",
+        )  # fmt: skip
+    for part in ("U", "U.gz"):
+        if (case / times[-1] / part).exists():
+            return times[-1]
+    raise _error(case, f"a velocity field U at time {times[-1]}", "none", "Let the solver write U.")
+
+
+def _read_with_stream_function(case: Path, time: str) -> _Raw:
+    """Let OpenFOAM compute the stream function in a copy of the case's last time."""
+    if not openfoam_available():
+        raise _error(case, f"a field streamFunction at time {time}", "none", STREAM_REMEDY)
+    with tempfile.TemporaryDirectory(prefix="ellipsoid-") as name:
+        copy = Path(name)
+        for part in ("constant", "system", time):
+            shutil.copytree(case / part, copy / part)
+        try:
+            run_program(copy, ["postProcess", "-func", "streamFunction", "-latestTime"])
+        except RunError as error:
+            raise _error(
+                case, "a case that postProcess reads", str(error), STREAM_REMEDY
+            ) from error
+        if not (copy / time / "streamFunction").exists():
+            raise _error(
+                case, f"the flux phi at time {time}, for the stream function", "none",
+                "Let the solver write phi, or " + STREAM_REMEDY[0].lower() + STREAM_REMEDY[1:],
+            )  # fmt: skip
+        return _read_foam(copy, case)
+
+
+def _read_foam(folder: Path, case: Path) -> _Raw:
+    """The last time of `folder` by pyvista; `case` is the user's name for it."""
+    import pyvista
+
+    with pyvista.vtk_verbosity("off"):
+        reader = pyvista.OpenFOAMReader(folder / "system" / "controlDict")
+        # The reader starts at time 0, where U is 0.
+        reader.set_active_time_value(reader.time_values[-1])
+        reader.cell_to_point_creation = False
+        reader.enable_all_patch_arrays()
+        blocks: Any = reader.read()
+    mesh: Any = blocks["internalMesh"]
+    if mesh is None or mesh.n_cells == 0:
+        raise _error(case, "a mesh that VTK reads", "none", "Check constant/polyMesh.")
+    time = _last_time(folder)
+    for data, name in ((mesh.cell_data, "U"), (mesh.point_data, "streamFunction")):
+        if name not in data:
+            raise _unread(case, folder / time / name)
+    boundary = blocks["boundary"]
+    named = ((str(boundary.get_block_name(k)), boundary[k]) for k in range(boundary.n_blocks))
+    patches = {name: _faces(patch) for name, patch in named if "U" in patch.cell_data}
+    table = mesh.GetCells()
+    cells = _Cells(
+        np.asarray(pyvista.convert_array(table.GetConnectivityArray())),
+        np.asarray(pyvista.convert_array(table.GetOffsetsArray())),
+    )
+    psi, velocity = mesh.point_data["streamFunction"], mesh.cell_data["U"]
+    return _Raw(np.asarray(mesh.points), cells, np.asarray(psi), np.asarray(velocity), patches)
+
+
+def _unread(case: Path, path: Path) -> InputError:
+    """Why VTK gave no such field: it refuses a whole field for one NaN in it."""
+    text = path.read_bytes() if path.is_file() else b""
+    found = "NaN or infinite values" if NOT_FINITE.search(text) else "none that VTK reads"
+    remedy = "Solve the case again, and let the solver write this field."
+    return _error(case, f"a finite field {path.name} at time {path.parent.name}", found, remedy)
+
+
+def _faces(patch: Any) -> tuple[Array, Array]:
+    """Centres (n, 3) and velocity (n, 3) of a patch's faces."""
+    return np.asarray(patch.cell_centers().points), np.asarray(patch.cell_data["U"])
+
+
+def _vtk_step(folder: Path) -> Path:
+    """The folder of foamToVTK's last time: it holds internal.vtu and its name ends in the index."""
+    if (folder / "internal.vtu").is_file():
+        return folder
+    for parent in (folder, folder / "VTK"):
+        steps = [path.parent for path in parent.glob("*_*/internal.vtu")]
+        if steps:
+            return max(steps, key=lambda step: int(step.name.rpartition("_")[2]))
+    raise _error(
+        folder, "what foamToVTK wrote (internal.vtu in it or below it)", "none",
+        "Run 'foamToVTK -latestTime' in the solved case and name its VTK folder.",
+    )  # fmt: skip
+
+
+def _read_vtu(step: Path) -> _Raw:
+    """internal.vtu by meshio; the patches beside it are .vtp, which only pyvista reads."""
+    import meshio
+    import pyvista
+
+    path = step / "internal.vtu"
+    try:
+        mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:  # meshio ends the program on some unreadable files
+        remedy = "Run foamToVTK -latestTime again."
+        raise _error(path, "a file that meshio reads", type(error).__name__, remedy) from error
+    if float(np.ravel(mesh.field_data.get("TimeValue", 1.0))[0]) == 0.0:
+        raise _error(step, "a solved case", "time 0 only", "Solve it, then foamToVTK -latestTime.")
+    if "U" not in mesh.cell_data:
+        raise _error(path, "a cell field U", "none", "Let the solver write U.")
+    if "streamFunction" not in mesh.point_data:
+        raise _error(
+            path, "a point field streamFunction", "none", STREAM_REMEDY + " Then foamToVTK."
+        )
+    sizes = np.concatenate([np.full(len(b.data), b.data.shape[1]) for b in mesh.cells])
+    connectivity = np.concatenate([np.ravel(b.data) for b in mesh.cells])
+    cells = _Cells(connectivity, np.concatenate(([0], np.cumsum(sizes))))
+    patches: dict[str, tuple[Array, Array]] = {}
+    for file in sorted((step / "boundary").glob("*.vtp")):
+        patch: Any = pyvista.read(file)
+        if "U" in patch.cell_data:
+            patches[file.stem] = _faces(patch)
+    velocity = np.concatenate(mesh.cell_data["U"])
+    return _Raw(mesh.points, cells, mesh.point_data["streamFunction"], velocity, patches)
+
+
+def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
+    """The plane problem in a mesh that is one cell thick; InputError for any other mesh."""
+    points = _decimal(raw.points)
+    normal = _normal(points, where)
+    plane = [axis for axis in range(3) if axis != normal]
+    depth = points[:, normal]
+    middle = 0.5 * (depth.min() + depth.max())
+    low = depth < middle
+    triangles, centres = _low_triangles(points[:, plane], raw.cells, low)
+    patches = {}
+    for name, (at, velocity) in raw.patches.items():
+        # Faces of the empty patch lie on the planes in front and behind, not between them.
+        between = np.abs(at[:, normal] - middle) < 0.25 * np.ptp(depth)
+        if between.any():
+            patch = Patch(
+                _decimal(at[between])[:, plane], velocity[between][:, plane].astype(float)
+            )
+            patches[name] = patch
+    return MeshFlow(
+        points=points[low][:, plane],
+        psi=raw.psi[low].astype(np.float64),
+        centres=centres,
+        velocity=raw.velocity[:, plane].astype(np.float64),
+        patches=patches,
+        contains=_Inside(points[:, plane], triangles),
+        where=where,
+        origin=origin,
+    )
+
+
+def _decimal(points: Array) -> Array:
+    """Single-precision coordinates as the decimal numbers they came from: 0.1, not 0.100000001."""
+    return points.astype(np.float32).astype("U32").astype(np.float64)
+
+
+def _normal(points: Array, where: str) -> int:
+    """The axis along which the mesh is one cell thick, z first; InputError if there is none."""
+    for axis in (2, 1, 0):
+        depth = points[:, axis]
+        tolerance = 1e-5 * np.ptp(depth)
+        if np.all((depth - depth.min() <= tolerance) | (depth.max() - depth <= tolerance)):
+            return axis
+    raise InputError(
+        where, "a plane case, one cell thick along x, y or z", "a 3-D mesh",
+        "Solve the flow as a plane case, with empty patches in front and behind.",
+    )  # fmt: skip
+
+
+def _low_triangles(
+    points: Array, cells: _Cells, low: NDArray[np.bool_]
+) -> tuple[NDArray[np.int_], Array]:
+    """Each cell's polygon on the lower plane as a fan of triangles (T, 3), and the means (C, 2)."""
+    count = cells.offsets.size - 1
+    owner = np.repeat(np.arange(count), np.diff(cells.offsets))
+    kept = low[cells.points]
+    owner, corner = owner[kept], cells.points[kept]
+    sizes = np.bincount(owner, minlength=count)
+    sums = [np.bincount(owner, points[corner, axis], count) for axis in (0, 1)]
+    centres = np.stack(sums, axis=-1) / sizes[:, None]
+    # Corners by angle around the mean; the mesh's cells are convex.
+    offset = points[corner] - centres[owner]
+    order = np.lexsort((np.arctan2(offset[:, 1], offset[:, 0]), owner))
+    corner, owner = corner[order], owner[order]
+    first = np.cumsum(sizes) - sizes
+    second = np.arange(corner.size)
+    fan = (second > first[owner]) & (second < first[owner] + sizes[owner] - 1)
+    triangles = np.stack((corner[first[owner[fan]]], corner[fan], corner[second[fan] + 1]), axis=-1)
+    return triangles, centres
+
+
+class _Inside:
+    """Tells which points (n, 2) lie in a plane mesh given by triangles (T, 3) on points (P, 2)."""
+
+    def __init__(self, points: Array, triangles: NDArray[np.int_]) -> None:
+        self.points, self.triangles = points, triangles
+
+    def __call__(self, at: Array) -> NDArray[np.bool_]:
+        import pyvista
+
+        flat = [np.column_stack((p, np.zeros(len(p)))) for p in (self.points, at)]
+        mesh = pyvista.PolyData.from_regular_faces(flat[0], self.triangles.tolist())
+        # static_cell: the obb_tree locator hangs on plane meshes.
+        sample: Any = pyvista.PolyData(flat[1]).sample(mesh, locator="static_cell")
+        return np.asarray(sample.point_data["vtkValidPointMask"]).astype(bool)

@@ -1,0 +1,118 @@
+"""Make the small solved cases of the flow tests: run again only if foam_cases/cavity changes.
+
+    python tests/data/make_flow_data.py
+
+cavity_16 : foam_cases/cavity on 16 x 16 cells, and in cavity_16/VTK what foamToVTK made of it
+graded    : the same on 12 x 12 cells, the mesh graded towards the lid and one side
+l_shape   : an L of three 6 x 6 blocks, its own lid over the left half
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from ellipsoid_coupling.flow.openfoam import case_folder, solve_case
+from ellipsoid_coupling.flow.programs import foam_environment
+
+HERE = Path(__file__).parent
+KEPT = ("U", "streamFunction")
+L_VERTICES = "".join(
+    f"    ({x} {y} {z})\n" for z in (0, 0.1) for y in (0, 0.5, 1) for x in (0, 0.5, 1)
+)
+L_BLOCKS = "".join(
+    f"    hex ({a} {a + 1} {a + 4} {a + 3} {a + 9} {a + 10} {a + 13} {a + 12})"
+    " ($cells $cells 1) simpleGrading (1 1 1)\n"
+    for a in (0, 1, 3)
+)
+L_MESH = f"""FoamFile
+{{
+    version     2.0;
+    format      ascii;
+    class       dictionary;
+    object      blockMeshDict;
+}}
+
+#include "parameters"
+
+scale   1;
+
+vertices
+(
+{L_VERTICES});
+
+blocks
+(
+{L_BLOCKS});
+
+boundary
+(
+    lid
+    {{
+        type wall;
+        faces ((6 15 16 7));
+    }}
+    walls
+    {{
+        type wall;
+        faces ((0 9 12 3) (3 12 15 6) (0 1 10 9) (1 2 11 10) (2 5 14 11) (5 4 13 14) (4 7 16 13));
+    }}
+    frontAndBack
+    {{
+        type empty;
+        faces ((0 3 4 1) (1 4 5 2) (3 6 7 4) (9 10 13 12) (10 11 14 13) (12 13 16 15));
+    }}
+);
+"""
+
+
+def _edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text, f"{path} has no {old!r}"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def _keep(solved: Path, name: str) -> None:
+    """Copy the mesh, the last time's two fields and the VTK folder, if any, to tests/data."""
+    target = HERE / name
+    shutil.rmtree(target, ignore_errors=True)
+    last = max((p for p in solved.glob("[1-9]*") if p.is_dir()), key=lambda p: float(p.name))
+    shutil.copytree(solved / "constant", target / "constant")
+    shutil.copytree(solved / "system", target / "system")
+    (target / last.name).mkdir()
+    for field in KEPT:
+        shutil.copy(last / field, target / last.name)
+    if (solved / "VTK").is_dir():
+        step = next(solved.glob("VTK/*_*/internal.vtu")).parent
+        shutil.copytree(step, target / "VTK" / f"{name}_{step.name.rpartition('_')[2]}")
+
+
+def main() -> None:
+    """Solve the three cases in a scratch folder and keep what the readers need."""
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Path(scratch)
+        for name in ("cavity_16", "graded", "l_shape"):
+            shutil.copytree(case_folder("cavity"), work / name)
+        _edit(
+            work / "graded" / "system" / "blockMeshDict",
+            "simpleGrading (1 1 1)", "simpleGrading (3 0.3 1)",
+        )  # fmt: skip
+        (work / "l_shape" / "system" / "blockMeshDict").write_text(L_MESH, encoding="utf-8")
+        _edit(
+            work / "l_shape" / "0.orig" / "U",
+            "pos().x()-0.5,2)/0.01", "pos().x()-0.25,2)/0.005",
+        )  # fmt: skip
+        for name, cells in (("cavity_16", 16), ("graded", 12), ("l_shape", 6)):
+            solved = solve_case(work / name, cells, out=work / f"{name}-solved")
+            if name == "cavity_16":
+                subprocess.run(
+                    ["foamToVTK", "-latestTime", "-fields", "(U streamFunction)"],
+                    cwd=solved, env=foam_environment(), check=True, stdout=subprocess.DEVNULL,
+                )  # fmt: skip
+            _keep(solved, name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""Solving a case: by itself, by solve_case, from the cache, in parallel, and every way to fail."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known import mismatch, points
+
+from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.flow import openfoam, programs
+from ellipsoid_coupling.flow.openfoam import case_folder, parameter, solve_case
+from ellipsoid_coupling.flow.reader import read_case
+
+needs_openfoam = pytest.mark.skipif(
+    not programs.openfoam_available(), reason="OpenFOAM is not installed"
+)
+
+
+def _copy(tmp_path: Path, file: str = "", old: str = "", new: str = "") -> Path:
+    """A copy of the cavity on 16 cells, with one text in one file replaced."""
+    case = tmp_path / "own"
+    shutil.copytree(case_folder("cavity"), case)
+    for name, before, after in (
+        ("system/parameters", "cells       100;", "cells 16;"),
+        (file or "system/parameters", old, new),
+    ):
+        text = (case / name).read_text(encoding="utf-8")
+        assert before in text
+        (case / name).write_text(text.replace(before, after), encoding="utf-8")
+    return case
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.parametrize("processes", [1, 2])
+def test_the_case_runs_and_cleans_by_itself(tmp_path: Path, processes: int) -> None:
+    case = _copy(tmp_path, "system/parameters", "processes   1;", f"processes {processes};")
+    before = sorted(path.name for path in case.iterdir())
+    subprocess.run([case / "Allrun"], check=True, capture_output=True)
+    assert read_case(case).cells == (16, 16)
+    subprocess.run([case / "Allclean"], check=True)
+    assert sorted(path.name for path in case.iterdir()) == before
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_solved_once_then_cached_and_equal_on_two_processes(tmp_path: Path) -> None:
+    """The stopping criterion leaves 1.5e-9 of the lid's speed, single precision 1e-6 of it."""
+    told: list[tuple[str, float]] = []
+    solved = solve_case("cavity", 20, report=lambda stage, done: told.append((stage, done)))
+    assert told[-1] == ("flow at rest", 1.0)
+    assert [done for _, done in told] == sorted(done for _, done in told)
+    changed = (solved / "case.foam").stat().st_mtime_ns
+    assert solve_case("cavity", 20, processes=2) == solved
+    assert (solved / "case.foam").stat().st_mtime_ns == changed
+
+    parallel = solve_case("cavity", 20, processes=2, out=tmp_path / "parallel")
+    assert not list(parallel.glob("processor*"))
+    one, other = (read_case(case).evaluate(*points(500)) for case in (solved, parallel))
+    np.testing.assert_allclose(one.velocity_x, other.velocity_x, atol=1e-6)
+    np.testing.assert_allclose(one.velocity_y, other.velocity_y, atol=1e-6)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_the_field_meets_the_solvers_velocity_at_second_order() -> None:
+    """Both are second order; measured 4.3 from 25 to 50 cells and 4.2 from 50 to 100."""
+    solved = [solve_case("cavity", cells) for cells in (25, 50)]
+    coarse, fine = (mismatch(case, read_case(case)) for case in solved)
+    assert 3.5 < coarse / fine < 5.0
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_missing_stream_function_is_computed_in_a_copy(tmp_path: Path) -> None:
+    """The same psi from the same flux, and nothing written to the case."""
+    case = solve_case("cavity", 16, out=tmp_path / "solved")
+    expected = read_case(case).arrays.coefficients
+    (stream,) = case.glob("[1-9]*/streamFunction")
+    stream.unlink()
+    before = sorted(case.rglob("*"))
+    np.testing.assert_array_equal(read_case(case).arrays.coefficients, expected)
+    assert sorted(case.rglob("*")) == before
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+def test_a_coarse_start_gives_the_same_flow(
+    own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mapping changes the start, not the rest: equal to single precision."""
+    direct = read_case(solve_case("cavity", 20, out=tmp_path / "direct"))
+    monkeypatch.setattr(openfoam, "MAPPED_FROM", 20)
+    mapped = read_case(solve_case("cavity", 20))
+    assert len(list((own_cache / "flows").iterdir())) == 2
+    for a, b in zip(
+        direct.evaluate(*points(500))[:2], mapped.evaluate(*points(500))[:2], strict=True
+    ):
+        np.testing.assert_allclose(a, b, atol=1e-6)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_broken_case_quotes_the_log(tmp_path: Path) -> None:
+    case = _copy(tmp_path, "0.orig/U", "noSlip", "noSuchCondition")
+    with pytest.raises(RunError, match="icoFoam ended with status 1") as caught:
+        solve_case(case)
+    text = str(caught.value)
+    assert "noSuchCondition" in text or "FOAM exiting" in text
+    log = Path(text.split("The end of ")[1].split(":\n")[0])
+    assert log.is_file()
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+def test_not_at_rest_is_an_error_and_no_result(own_cache: Path, tmp_path: Path) -> None:
+    case = _copy(tmp_path, "system/parameters", "endTime     20;", "endTime 0.5;")
+    with pytest.raises(RunError, match=r"not at rest at endTime 0\.5"):
+        solve_case(case)
+    assert [path.name.endswith("-failed") for path in (own_cache / "flows").iterdir()] == [True]
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work", encoding="utf-8")
+    with pytest.raises(InputError, match="Name another folder"):
+        solve_case("cavity", 16, out=tmp_path)
+    with pytest.raises(InputError, match="at least 4 cells"):
+        solve_case("cavity", 2)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+def test_the_hash_knows_inputs_but_not_processes(tmp_path: Path) -> None:
+    case = _copy(tmp_path)
+    first = openfoam.inputs_hash(case, 16)
+    parameters = case / "system" / "parameters"
+    text = parameters.read_text(encoding="utf-8")
+    parameters.write_text(text.replace("processes   1;", "processes   4;"), encoding="utf-8")
+    assert openfoam.inputs_hash(case, 16) == first
+    assert openfoam.inputs_hash(case, 17) != first
+    parameters.write_text(text.replace("1e-9", "1e-8"), encoding="utf-8")
+    assert openfoam.inputs_hash(case, 16) != first
+
+
+def test_an_unknown_case_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"a built-in case \(.*cavity"):
+        case_folder("no_such_case")
+
+
+def test_a_case_without_parameters_says_what_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="an entry 'cells VALUE;'"):
+        parameter(tmp_path, "cells")
+
+
+def test_missing_openfoam_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(RunError, match="apt-get install -y --no-install-recommends openfoam"):
+        solve_case("cavity", 16)

@@ -1,0 +1,182 @@
+"""Readers: both agree, walls are honoured, and what is no solved plane case gets one message."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known import mismatch, points
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow import FlowField, programs, reader
+from ellipsoid_coupling.flow.obtain import SHIPPED
+from ellipsoid_coupling.flow.reader import read_case, read_vtk
+
+DATA = Path(__file__).parents[1] / "data"
+Edit = Callable[[Path], None]
+
+
+def test_field_is_the_cases_velocity(cavity_16: Path) -> None:
+    """8 % rms on 16 cells, as the lid's jet is 2 cells wide; test_openfoam holds the order."""
+    field = read_case(cavity_16)
+    assert mismatch(cavity_16, field) < 0.08
+    assert field.cells == (16, 16)
+    assert field.bounds == (0.0, 1.0, 0.0, 1.0)
+    assert field.origin == "OpenFOAM case cavity_16, time 3.95"
+
+
+def test_both_readers_agree_to_single_precision(cavity_16: Path) -> None:
+    """Both give single precision, 6e-8 of the lid's speed, over the mesh width: 1e-6."""
+    one, other = read_case(cavity_16), read_vtk(cavity_16)
+    for a, b in zip(one.evaluate(*points(500))[:2], other.evaluate(*points(500))[:2], strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6)
+    for folder in (cavity_16 / "VTK", cavity_16 / "VTK" / "cavity_16_79"):
+        np.testing.assert_array_equal(
+            read_vtk(folder).arrays.coefficients, other.arrays.coefficients
+        )
+
+
+def test_walls_hold_and_the_lid_moves(cavity_16: Path) -> None:
+    """No flow through walls to rounding; the lid's Gaussian at the nodes to 3e-3 (16 cells)."""
+    field, nodes = read_case(cavity_16), np.linspace(0.0, 1.0, 17)
+    along, ones = np.linspace(0.0, 1.0, 400), np.ones(400)
+    for wall in (0.0, 1.0):
+        assert np.abs(field.evaluate(wall * ones, along).velocity_x).max() < 1e-15
+        assert np.abs(field.evaluate(along, wall * ones).velocity_y).max() < 1e-15
+    lid = field.evaluate(nodes, np.ones(17)).velocity_x
+    np.testing.assert_allclose(lid, np.exp(-((nodes - 0.5) ** 2) / 0.02), atol=3e-3)
+    np.testing.assert_allclose(field.evaluate(0.0 * nodes, nodes).velocity_y, 0.0, atol=1e-15)
+
+
+def test_the_foam_file_names_its_case(cavity_16: Path) -> None:
+    field = read_case(cavity_16 / "any.foam")
+    np.testing.assert_array_equal(
+        field.arrays.coefficients, read_case(cavity_16).arrays.coefficients
+    )
+
+
+def test_graded_mesh_gives_the_same_flow() -> None:
+    """12 graded cells against the shipped 100: the coarse mesh's own error, 1 % of the lid rms."""
+    graded, fine = read_case(DATA / "graded"), FlowField.load(SHIPPED / "cavity.npz")
+    one, other = graded.evaluate(*points(4000)), fine.evaluate(*points(4000))
+    assert np.sqrt(np.mean((one.velocity_x - other.velocity_x) ** 2)) < 0.01
+    assert np.abs(graded.evaluate(np.ones(50), np.linspace(0, 1, 50)).velocity_x).max() < 1e-15
+    assert one.inside.all()
+
+
+def test_l_shape_masks_what_is_not_flow() -> None:
+    """The notch is outside; on its walls the flow is slow: 1 % of the lid's speed on 12 cells."""
+    field = read_case(DATA / "l_shape")
+    x, y = points(4000)
+    np.testing.assert_array_equal(field.evaluate(x, y).inside, (x < 0.5) | (y < 0.5))
+    along = np.linspace(0.6, 1.0, 50)
+    on_notch = field.evaluate(along, np.full(50, 0.5))
+    assert np.hypot(on_notch.velocity_x, on_notch.velocity_y).max() < 0.01
+
+
+def _rewrite(pattern: str, new: str, files: str) -> Edit:
+    def edit(case: Path) -> None:
+        (path,) = case.glob(files)
+        text, count = re.subn(pattern, new, path.read_text(encoding="utf-8"), count=1)
+        assert count == 1
+        path.write_text(text, encoding="utf-8")
+
+    return edit
+
+
+def _remove(files: str) -> Edit:
+    def edit(case: Path) -> None:
+        for path in case.glob(files):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+    return edit
+
+
+def _only_time_0(case: Path) -> None:
+    next(case.glob("[1-9]*")).rename(case / "0")
+
+
+# The mesh has two layers of points; a third one within it makes it 3-D.
+THIRD_LAYER = (r"\(0 0 0\)", "(0 0 0.05)", "constant/polyMesh/points")
+FIRST_VECTOR = r"(?<=\n\()\(\S+ \S+ \S+\)|(?<=\n)\(\S+ \S+ 0\)\n"
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (_remove("constant"), "no constant/polyMesh/faces"),
+        (_remove("system"), "no system/controlDict"),
+        (_remove("[1-9]*"), "no time beyond 0"),
+        (_only_time_0, "no time beyond 0"),
+        (_remove("[1-9]*/U"), "expected a velocity field U"),
+        (_rewrite(*THIRD_LAYER), "found a 3-D mesh"),
+        (_rewrite(FIRST_VECTOR, "(nan 0 0)\n", "[1-9]*/U"), "NaN or infinite"),
+        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "NaN or infinite"),
+    ],
+)
+def test_bad_case_is_an_input_error(
+    cavity_16: Path, tmp_path: Path, edit: Edit, message: str
+) -> None:
+    case = tmp_path / "case"
+    shutil.copytree(cavity_16, case)
+    edit(case)
+    with pytest.raises(InputError, match=message) as caught:
+        read_case(case)
+    assert caught.value.remedy
+
+
+def test_missing_folder_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such folder"):
+        read_case(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="what foamToVTK wrote"):
+        read_vtk(tmp_path / "nowhere")
+
+
+def test_foreign_stream_function_is_an_input_error(cavity_16: Path, tmp_path: Path) -> None:
+    """A stream function that has nothing to do with U must not become the flow."""
+    case = tmp_path / "case"
+    shutil.copytree(cavity_16, case)
+    (path,) = case.glob("[1-9]*/streamFunction")
+    noise = iter(np.random.default_rng(0).random(1000))
+    text = path.read_text(encoding="utf-8")
+    text = re.sub(r"(?m)^-?\d\.\d+(e-\d+)?$", lambda _: f"{next(noise):.6f}", text)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="whose derivatives are U"):
+        read_case(case)
+
+
+def test_without_stream_function_and_openfoam_the_remedy_is_named(
+    cavity_16: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = tmp_path / "case"
+    shutil.copytree(cavity_16, case)
+    _remove("[1-9]*/streamFunction")(case)
+    monkeypatch.setattr(reader, "openfoam_available", lambda: False)
+    with pytest.raises(InputError, match="postProcess -func streamFunction"):
+        read_case(case)
+
+
+@pytest.mark.parametrize("content", ["", "<VTKFile type='nonsense'/>", "not xml at all"])
+def test_unreadable_vtu_is_an_input_error(tmp_path: Path, content: str) -> None:
+    (tmp_path / "internal.vtu").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match="a file that meshio reads"):
+        read_vtk(tmp_path)
+
+
+@pytest.mark.openfoam
+@pytest.mark.skipif(not programs.openfoam_available(), reason="OpenFOAM is not installed")
+def test_a_case_without_flux_cannot_get_its_stream_function(
+    cavity_16: Path, tmp_path: Path
+) -> None:
+    """OpenFOAM runs in a copy; the user's folder stays as it was."""
+    case = tmp_path / "case"
+    shutil.copytree(cavity_16, case)
+    _remove("[1-9]*/streamFunction")(case)
+    before = sorted(case.rglob("*"))
+    with pytest.raises(InputError, match="flux phi"):
+        read_case(case)
+    assert sorted(case.rglob("*")) == before

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known import Array, points, spline, velocity
+from tests.flow.known import Array, points, spline, velocity
 from scipy.interpolate import BSpline
 
 from ellipsoid_coupling.errors import InputError

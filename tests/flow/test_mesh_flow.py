@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from known import points, stream, velocity
+from tests.flow.known import points, stream, velocity
 from scipy.spatial import Delaunay
 
 from ellipsoid_coupling.errors import InputError

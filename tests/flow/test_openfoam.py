@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known import mismatch, points
+from tests.flow.known import mismatch, points
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import openfoam, programs

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known import mismatch, points
+from tests.flow.known import mismatch, points
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, programs, reader

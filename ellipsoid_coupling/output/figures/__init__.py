@@ -1,0 +1,32 @@
+"""Figures as PNG files: one function a kind, all from `Result`s or plain arrays."""
+
+from ellipsoid_coupling.output.figures.angles import draw_angles
+from ellipsoid_coupling.output.figures.decay import DecayCurve, RateCurve, draw_decay, draw_rates
+from ellipsoid_coupling.output.figures.density import (
+    DensityRow,
+    common_maximum,
+    density_rows,
+    draw_density,
+)
+from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
+from ellipsoid_coupling.output.figures.every import draw_all
+from ellipsoid_coupling.output.figures.flow import draw_flow
+from ellipsoid_coupling.output.figures.frontier import draw_frontier
+from ellipsoid_coupling.output.figures.sketch import draw_sketch
+
+__all__ = [
+    "DecayCurve",
+    "DensityRow",
+    "RateCurve",
+    "common_maximum",
+    "density_rows",
+    "draw_all",
+    "draw_angles",
+    "draw_decay",
+    "draw_density",
+    "draw_ellipses",
+    "draw_flow",
+    "draw_frontier",
+    "draw_rates",
+    "draw_sketch",
+]

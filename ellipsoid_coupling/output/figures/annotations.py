@@ -1,0 +1,88 @@
+"""Labels of points that keep clear of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
+
+# Where a label may stand, in points from its own; the earlier, the better.
+_PLACES = (
+    (6, 4, "left"),
+    (-6, 4, "right"),
+    (6, -9, "left"),
+    (-6, -9, "right"),
+    (0, 9, "center"),
+    (0, -14, "center"),
+    (9, -3, "left"),
+    (-9, -3, "right"),
+    (6, 14, "left"),
+    (-6, 14, "right"),
+    (6, -19, "left"),
+    (-6, -19, "right"),
+    (0, 17, "center"),
+    (0, -23, "center"),
+)
+
+
+Point = tuple[float, float, str]
+
+# Boxes that stand for each piece of a line.
+_BOXES_PER_PIECE = 24
+
+
+def place_labels(axes: Axes, lines: Sequence[Sequence[Point]]) -> None:
+    """Write each point's text beside it, where it overlaps least with texts, lines and the frame.
+
+    Parameters
+    ----------
+    axes : its limits are final
+    lines : of points (x, y, text) in the axes' data
+    """
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        return
+    figure.draw_without_rendering()
+    pixels = figure.dpi / 72.0
+    taken = [box for line in lines for box in _line_boxes(axes, line, pixels)]
+    for x, y, text in (point for line in lines for point in line):
+        note = axes.annotate(
+            text, (x, y), (0, 0), textcoords="offset points", fontsize=6.5, color="0.25"
+        )
+        # Labels are laid out last and must not push the axes that they were measured in.
+        note.set_in_layout(False)
+        taken.append(_best_place(note, taken, axes.bbox))
+
+
+def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> list[Bbox]:
+    """Small boxes along a line, larger ones on its markers; `pixels` are those of a point."""
+    places = axes.transData.transform([point[:2] for point in line])
+    steps = np.arange((len(line) - 1) * _BOXES_PER_PIECE + 1) / _BOXES_PER_PIECE
+    index = np.arange(len(line))
+    along = np.stack([np.interp(steps, index, places[:, axis]) for axis in (0, 1)], axis=-1)
+    boxes = []
+    for centres, half in ((places, 3.5 * pixels), (along, 1.0 * pixels)):
+        boxes += [Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in centres]
+    return boxes
+
+
+def _best_place(note: Annotation, taken: Sequence[Bbox], frame: Bbox) -> Bbox:
+    """Move the note to the first place with the least overlap; the box that it takes there."""
+    trials = []
+    for order, (right, up, side) in enumerate(_PLACES):
+        note.set(position=(right, up), horizontalalignment=side)
+        box = note.get_window_extent()
+        overlap = sum(_area(Bbox.intersection(box, other)) for other in taken)
+        outside = _area(box) - _area(Bbox.intersection(box, frame))
+        trials.append((overlap + outside, order, box))
+    _, order, box = min(trials, key=lambda trial: trial[:2])
+    right, up, side = _PLACES[order]
+    note.set(position=(right, up), horizontalalignment=side)
+    return box
+
+
+def _area(box: Bbox | None) -> float:
+    return 0.0 if box is None else float(box.width * box.height)

@@ -1,0 +1,97 @@
+"""Figures without global state: made, styled and written here, never shown."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any, Literal, ParamSpec
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.output.figures.style import DOTS_PER_INCH, LETTERS_PER_INCH, SETTINGS
+from ellipsoid_coupling.output.files import whole_file
+
+P = ParamSpec("P")
+Extent = tuple[float, float, float, float]
+Layout = Literal["constrained", "compressed"]
+
+
+def styled(build: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Build a figure under the package's settings, whatever a user's matplotlibrc says."""
+
+    @wraps(build)
+    def under_settings(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with rc_context(SETTINGS):
+            return build(*args, **kwargs)
+
+    return under_settings
+
+
+def new_figure(width: float, height: float, layout: Layout = "constrained") -> Figure:
+    """An empty figure of that size in inch, on a canvas that needs no display."""
+    figure = Figure(figsize=(width, height), layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def panel_grid(figure: Figure, rows: int, columns: int, **options: Any) -> NDArray[np.object_]:
+    """Axes (rows, columns), always two-dimensional."""
+    return np.asarray(figure.subplots(rows, columns, squeeze=False, **options))
+
+
+def add_title(figure: Figure, title: str) -> None:
+    """A title above all panels, wrapped to the figure's width; none for an empty text."""
+    width = int(LETTERS_PER_INCH * figure.get_figwidth())
+    lines = [textwrap.fill(line, width) for line in title.splitlines()]
+    if lines:
+        figure.suptitle("\n".join(lines))
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write a PNG of the figure's own size; the file is whole or not there."""
+    with rc_context(SETTINGS), whole_file(Path(path)) as beside:
+        figure.savefig(beside, format="png", dpi=DOTS_PER_INCH)
+    return Path(path)
+
+
+def require(items: Sequence[object], figure: str, what: str) -> None:
+    """Raise InputError where there is nothing to draw."""
+    if not items:
+        raise InputError(figure, f"at least one {what}", "none", f"Give a {what} to draw.")
+
+
+def show_domain(axes: Axes, extent: Extent) -> None:
+    """Limits (x_low, x_high, y_low, y_high), equal scales and few ticks."""
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")
+    axes.xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+
+
+def show_multiples_of_pi(axes: Axes) -> None:
+    """Ticks at half multiples of pi on the x axis, written as such."""
+    axes.xaxis.set_major_locator(MultipleLocator(0.5 * np.pi))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: multiple_of_pi(value)))
+
+
+def multiple_of_pi(value: float) -> str:
+    """A half multiple of pi in mathtext, "0" or such as "3 pi / 2"."""
+    halves = round(value / (0.5 * np.pi))
+    if halves == 0:
+        return "0"
+    count, below = (halves // 2, "") if halves % 2 == 0 else (halves, "/2")
+    factor = {1: "", -1: "-"}.get(count, str(count))
+    return f"${factor}\\pi{below}$"
+
+
+def time_title(time: float) -> str:
+    """The title of a panel at one time."""
+    return f"t = {time:g}"

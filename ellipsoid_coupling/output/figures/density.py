@@ -1,0 +1,217 @@
+"""Density panels: one row a model, one column a time, one colour scale for what is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from ellipsoid_coupling.output.figures.canvas import (
+    Extent,
+    add_title,
+    new_figure,
+    panel_grid,
+    require,
+    save_figure,
+    show_domain,
+    styled,
+    time_title,
+)
+from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, PANEL
+from ellipsoid_coupling.output.labels import result_labels
+from ellipsoid_coupling.result import Result
+
+Floats = NDArray[np.float64]
+
+# "time": the panels of one time share their colours; "figure": all panels do.
+Scale = Literal["time", "figure"]
+
+# A few cells at a caustic would otherwise take all of the colours.
+PERCENTILE = 99.5
+HISTOGRAM_CELLS = 60
+SMOOTHING = 1.0
+# Particles per filled bin below which the peaks of a histogram are chance (30 % and more).
+FEW = 10
+
+
+class DensityRow(NamedTuple):
+    """One row of panels.
+
+    label : str, beside the row
+    times : (T,) float64
+    density : (T, ny, nx) float64, axis order (time, y, x), per unit of area
+    extent : (x_low, x_high, y_low, y_high)
+    noisy : its peaks are chance and must not set the colours, if there are other rows
+    """
+
+    label: str
+    times: Floats
+    density: Floats
+    extent: Extent
+    noisy: bool = False
+
+
+def density_rows(
+    results: Sequence[Result],
+    cells: int = HISTOGRAM_CELLS,
+    smoothing: float = SMOOTHING,
+    histograms: bool = True,
+) -> list[DensityRow]:
+    """Rows of results: two of particles, histogram and smoothed histogram, one of a grid.
+
+    Parameters
+    ----------
+    results : Results, those without any saved time are left out
+    cells : bins of a particle histogram along x and along y
+    smoothing : standard deviation of the Gaussian filter, in bins; mirrored at the edges, so that
+        no mass is lost there
+    histograms : False leaves the bare histograms out
+    """
+    reached = [result for result in results if result.times.size]
+    rows = []
+    for label, result in zip(result_labels(reached), reached, strict=True):
+        extent = (*result.scene.domain.x, *result.scene.domain.y)
+        if result.layout != "particles":
+            rows.append(DensityRow(label, result.times, result.cell_density(), extent))
+            continue
+        histogram = result.density(cells)
+        smooth = gaussian_filter(histogram, (0.0, smoothing, smoothing), mode="reflect")
+        if histograms:
+            noisy = result.variables["x"][0].size < FEW * np.count_nonzero(histogram, (1, 2)).max()
+            rows.append(
+                DensityRow(f"{label}\nhistogram", result.times, histogram, extent, bool(noisy))
+            )
+        rows.append(DensityRow(f"{label}\nsmoothed", result.times, smooth, extent))
+    return rows
+
+
+def common_maximum(panels: Sequence[Floats]) -> float:
+    """Where the colours of compared panels end: the 99.5th percentile, each panel counting alike.
+
+    Panels have their own numbers of cells; a percentile of all cells would let the finest decide.
+    """
+    levels = np.linspace(0.0, 1.0, 2001)
+    pooled = np.concatenate([np.quantile(panel, levels) for panel in panels])
+    # Nearly everywhere empty: the percentile is then no help.
+    return float(np.percentile(pooled, PERCENTILE) or pooled.max()) or 1.0
+
+
+@styled
+def density_figure(
+    rows: Sequence[DensityRow],
+    scale: Scale = "time",
+    maximum: float | None = None,
+    power: float = 1.0,
+    title: str = "",
+) -> Figure:
+    """The figure of `draw_density`; axes in row-major order, then those of the colour bars."""
+    require(rows, "density figure", "row")
+    times = np.unique(np.concatenate([row.times for row in rows]))
+    x_low, x_high, y_low, y_high = rows[0].extent
+    height = PANEL * min(2.0, (y_high - y_low) / (x_high - x_low))
+    label_lines = max(row.label.count("\n") for row in rows) + 1
+    figure = new_figure(
+        PANEL * len(times) + 0.15 * label_lines + (1.7 if scale == "figure" else 0.7),
+        (height + 0.13) * len(rows) + (0.9 if scale == "figure" else 1.4),
+        layout="compressed",
+    )
+    axes = panel_grid(figure, len(rows), len(times), sharex=True, sharey=True)
+    columns = [np.arange(len(times))] if scale == "figure" else np.arange(len(times))[:, None]
+    for column in columns:
+        shown = [(row, times[j], axes[i, j]) for j in column for i, row in enumerate(rows)]
+        images = _draw_panels(shown, maximum, power)
+        _add_colour_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
+    for row, first in zip(rows, axes[:, 0], strict=True):
+        first.set_ylabel(f"{row.label}\n\ny")
+    for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):
+        top.set_title(time_title(time))
+        bottom.set_xlabel("x")
+    add_title(figure, title)
+    return figure
+
+
+def _draw_panels(
+    shown: Sequence[tuple[DensityRow, float, Axes]], maximum: float | None, power: float
+) -> list[AxesImage]:
+    """Panels that are compared, in one colour scale; a time that a run did not reach is said."""
+    found = []
+    for row, time, axes in shown:
+        show_domain(axes, row.extent)
+        index = np.flatnonzero(np.isclose(row.times, time))
+        if index.size:
+            found.append((row, row.density[index[0]], axes))
+        else:
+            axes.text(0.5, 0.5, "not reached", ha="center", va="center", transform=axes.transAxes)
+    calm = [density for row, density, _ in found if not row.noisy]
+    top = maximum or common_maximum(calm or [density for _, density, _ in found])
+    return [
+        axes.imshow(
+            density,
+            origin="lower",
+            extent=row.extent,
+            cmap=DENSITY_COLOURS,
+            norm=PowerNorm(power, vmin=0.0, vmax=top),
+            interpolation="nearest",
+        )
+        for row, density, axes in found
+    ]
+
+
+def _add_colour_bar(
+    figure: Figure,
+    images: Sequence[AxesImage],
+    beside: list[Axes],
+    scale: Scale,
+    maximum: float | None,
+) -> None:
+    top = images[0].get_clim()[1]
+    beyond = any(np.max(np.asarray(image.get_array())) > top for image in images)
+    label = "density"
+    if beyond and maximum is None:
+        label += "\n" if scale == "time" else " "
+        label += f"(up to its {PERCENTILE:g}th percentile)"
+    bar = figure.colorbar(
+        images[0],
+        ax=beside,
+        extend="max" if beyond else "neither",
+        location="right" if scale == "figure" else "bottom",
+        pad=0.02,
+        aspect=40 if scale == "figure" else 20,
+    )
+    bar.set_label(label)
+
+
+def draw_density(
+    rows: Sequence[DensityRow],
+    path: Path,
+    *,
+    scale: Scale = "time",
+    maximum: float | None = None,
+    power: float = 1.0,
+    title: str = "",
+) -> Path:
+    """Density panels like the paper's, rows for models and columns for times.
+
+    Parameters
+    ----------
+    rows : from `density_rows`, or built by hand; all of one domain
+    path : the PNG
+    scale : "time": one colour scale a column; "figure": one for all
+    maximum : where the colours end, for figures that are to be compared; `common_maximum` otherwise
+    power : colours go with this power of the density; 0.5 shows thin and dense parts together
+    title : str
+
+    Raises
+    ------
+    InputError
+        Without rows.
+    """
+    return save_figure(density_figure(rows, scale, maximum, power, title), path)

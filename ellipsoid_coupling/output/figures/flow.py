@@ -1,0 +1,107 @@
+"""The fluid's velocity as arrows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.quiver import Quiver
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.output.figures.canvas import (
+    Extent,
+    new_figure,
+    save_figure,
+    show_domain,
+    styled,
+)
+from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE
+
+Floats = NDArray[np.float64]
+
+# Arrows along the longer side: more of them no longer tell their heads apart.
+ARROWS = 24
+# Length goes with this power of speed, colour with its root: slow regions stay visible.
+POWER = 0.15
+
+
+def arrow_centres(extent: Extent, count: int) -> tuple[Floats, Floats, float]:
+    """Points (rows, columns) x, y at the centres of near-square boxes, and the boxes' width."""
+    x_low, x_high, y_low, y_high = extent
+    spacing = max(x_high - x_low, y_high - y_low) / count
+    columns = max(1, round((x_high - x_low) / spacing))
+    rows = max(1, round((y_high - y_low) / spacing))
+    x = x_low + (x_high - x_low) * (np.arange(columns) + 0.5) / columns
+    y = y_low + (y_high - y_low) * (np.arange(rows) + 0.5) / rows
+    grid_x, grid_y = np.meshgrid(x, y)
+    return grid_x, grid_y, spacing
+
+
+def add_arrows(
+    axes: Axes, flow: FlowField, extent: Extent, colour: str | None = None, count: int = ARROWS
+) -> Quiver:
+    """Arrows centred on an even grid, those outside the flow left out.
+
+    The largest is 0.9 spacings long. With `colour` all have it, otherwise that of their speed.
+    """
+    x, y, spacing = arrow_centres(extent, count)
+    sample = flow.evaluate(x, y)
+    inside = sample.inside
+    velocity_x, velocity_y = sample.velocity_x[inside], sample.velocity_y[inside]
+    speed = np.hypot(velocity_x, velocity_y)
+    largest = float(speed.max(initial=0.0)) or 1.0
+    length = 0.9 * spacing * (speed / largest) ** POWER
+    factor = np.divide(length, speed, out=np.zeros_like(speed), where=speed > 1e-9 * largest)
+    arrows = (x[inside], y[inside], factor * velocity_x, factor * velocity_y)
+    # Units of the axes, so that an arrow's length is what stands above at any figure size.
+    options: dict[str, Any] = {
+        "angles": "xy",
+        "scale_units": "xy",
+        "scale": 1.0,
+        "pivot": "mid",
+        "units": "xy",
+        "width": 0.07 * spacing,
+        "headwidth": 4.0,
+        "headlength": 4.5,
+        "headaxislength": 4.0,
+        "minlength": 0.0,
+    }
+    if colour is not None:
+        return axes.quiver(*arrows, color=colour, zorder=0, **options)
+    low, high = SPEED_RANGE
+    colours = ListedColormap(colormaps[SPEED_COLOURS](np.linspace(low, high, 256)))
+    norm = PowerNorm(0.5, vmin=0.0, vmax=largest)
+    return axes.quiver(*arrows, speed, cmap=colours, norm=norm, **options)
+
+
+@styled
+def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
+    """The figure of `draw_flow`; the field's axes and that of the colour bar."""
+    x_low, x_high, y_low, y_high = extent
+    height = 4.2 * min(2.0, (y_high - y_low) / (x_high - x_low))
+    figure = new_figure(5.4, height + 0.6, layout="compressed")
+    axes = figure.add_subplot()
+    show_domain(axes, extent)
+    arrows = add_arrows(axes, flow, extent)
+    figure.colorbar(arrows, ax=axes, label="speed")
+    axes.set(xlabel="x", ylabel="y", title=title)
+    return figure
+
+
+def draw_flow(flow: FlowField, extent: Extent, path: Path, *, title: str = "") -> Path:
+    """Velocity vectors of a flow, coloured by speed; the length hardly tells it.
+
+    Parameters
+    ----------
+    flow : FlowField
+    extent : (x_low, x_high, y_low, y_high), what to show
+    path : the PNG
+    title : str
+    """
+    return save_figure(flow_figure(flow, extent, title), path)

@@ -1,0 +1,43 @@
+"""Names of results, as short as tells them apart."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from ellipsoid_coupling.result import Result
+
+MODEL_NAMES = {
+    "microscopic": "microscopic",
+    "mckean_vlasov": "McKean-Vlasov",
+    "q_maxwellian": "q, Maxwellian",
+    "q_mono_kinetic": "q, mono-kinetic",
+    "rho_mono_kinetic": "rho, mono-kinetic",
+    "diffusive": "diffusive limit",
+    "stationary_state": "stationary state",
+    "exact": "exact",
+}
+
+
+def model_name(model: str) -> str:
+    """A model's name for people; an unknown one as it is."""
+    return MODEL_NAMES.get(model, model)
+
+
+def result_labels(results: Sequence[Result]) -> list[str]:
+    """One label a result: the model; scheme, resolution, scene and seed where labels repeat."""
+    labels = [model_name(result.model) for result in results]
+    additions = [
+        [result.scheme for result in results],
+        [str(result.attributes.get("resolution", "")) for result in results],
+        [result.scene.name for result in results],
+        [f"seed {result.attributes.get('seed', '?')}" for result in results],
+    ]
+    for addition in additions:
+        counts = Counter(labels)
+        longer = [f"{label}, {text}" for label, text in zip(labels, addition, strict=True)]
+        # An addition that all of the repeated labels share would only make them longer.
+        if len(set(longer)) > len(set(labels)):
+            pairs = zip(labels, longer, strict=True)
+            labels = [long if counts[label] > 1 else label for label, long in pairs]
+    return labels

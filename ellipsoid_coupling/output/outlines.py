@@ -1,0 +1,49 @@
+"""Particles as ellipses to scale.
+
+L and D are the ellipse's full length and full width, so its semi-axes are L/2 and D/2: the paper
+calls L the length, its sketch draws semi-axes 0.5 and 0.25 for the L = 1, D = 0.5 of its first
+scene, and particles that touch end to end then have centres L = l/2 apart, like a wall's ghosts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+CORNERS = 32
+
+
+def ellipse_outlines(
+    x: Floats, y: Floats, angle: Floats, size: tuple[float, float], corners: int = CORNERS
+) -> Floats:
+    """The polygon of each particle's ellipse, anticlockwise.
+
+    Parameters
+    ----------
+    x, y, angle : (n,) float64
+        Centres, and main axes against the x axis in radian.
+    size : (L, D), full length and width
+    corners : int
+
+    Returns
+    -------
+    (n, corners, 2) float64, the last axis (x, y).
+    """
+    turn = 2.0 * np.pi * np.arange(corners) / corners
+    along, across = 0.5 * size[0] * np.cos(turn), 0.5 * size[1] * np.sin(turn)
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return np.stack(
+        [
+            np.asarray(x)[:, None] + cosine * along - sine * across,
+            np.asarray(y)[:, None] + sine * along + cosine * across,
+        ],
+        axis=-1,
+    )
+
+
+def square_outlines(x: Floats, y: Floats, width: float) -> Floats:
+    """The corners of squares around centres (n,), anticlockwise, (n, 4, 2)."""
+    corners = 0.5 * width * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return np.asarray(np.stack([x, y], axis=-1)[:, None, :] + corners)

@@ -1,0 +1,6 @@
+"""ParaView files: `.pvd` series of fields and particles, and the flow at all places that use it."""
+
+from ellipsoid_coupling.output.paraview.export import export
+from ellipsoid_coupling.output.paraview.flow import export_flow
+
+__all__ = ["export", "export_flow"]

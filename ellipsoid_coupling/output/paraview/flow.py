@@ -1,0 +1,168 @@
+"""One flow, looked at wherever it is used: nodes, particles, cells, and the ghosts of the walls."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.flow import FlowField, FlowSample
+from ellipsoid_coupling.models.parts import scene_walls
+from ellipsoid_coupling.output.outlines import square_outlines
+from ellipsoid_coupling.output.paraview.fields import cell_image
+from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
+from ellipsoid_coupling.output.paraview.series import save_mesh, vectors
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.grid import scene_grid
+
+if TYPE_CHECKING:
+    import pyvista
+
+Floats = NDArray[np.float64]
+
+
+def export_flow(
+    flow: FlowField, scene: Scene, folder: Path, result: Result | None = None
+) -> list[Path]:
+    """Write the flow as each part of the package sees it.
+
+        flow.vti                 velocity and stream function, on the nodes of the flow's spline
+                                 (a formula's: on the corners of the scene's cells)
+        flow_particles.vtp       velocity at the particles: the result's first saved ones, else an
+                                 even lattice of the scene's number of them in the start box
+        flow_cells.vti           velocity at the finite-volume cells
+        flow_ghost_particles.vtp velocity of the wall at the ghost particles on it, the lid's too
+        flow_ghost_cells.vtp     the wall's velocity continued to the ghost cells beyond, as squares
+
+    The last two only for scenes with walls. `inside` is 1 where a point lies in the flow; ghosts
+    take the velocity of the nearest point of the flow's rectangle.
+
+    Parameters
+    ----------
+    flow : FlowField
+    scene : Scene, for domain, cells, start box and walls
+    folder : Path, made where it is missing
+    result : Result, optional, whose particles of realisation 0 are taken
+
+    Returns
+    -------
+    The paths written.
+
+    Raises
+    ------
+    InputError
+        If the domain is not a whole number of the scene's cells.
+    """
+    meshes = {
+        "flow.vti": flow_nodes(flow, scene),
+        "flow_particles.vtp": flow_at_particles(flow, scene, result),
+        "flow_cells.vti": flow_at_cells(flow, scene),
+    }
+    walls = scene_walls(scene, potential_shape(scene.particles.length, scene.particles.width))
+    if walls is not None:
+        size = (scene.particles.length, scene.particles.width)
+        ghosts = walls.ghost_particles()
+        arrays = glyph_arrays(ghosts.angle, size)
+        arrays |= _flow_arrays(flow.continued(ghosts.x, ghosts.y))
+        meshes["flow_ghost_particles.vtp"] = points(ghosts.x, ghosts.y, arrays)
+        cells = walls.ghost_cells(scene.numerics.cell)
+        arrays = {"density": cells.density, "angle": cells.angle}
+        arrays |= _flow_arrays(flow.continued(cells.x, cells.y))
+        squares = square_outlines(cells.x, cells.y, scene.numerics.cell)
+        meshes["flow_ghost_cells.vtp"] = polygons(squares, arrays)
+    return [save_mesh(mesh, folder / name) for name, mesh in meshes.items()]
+
+
+def _flow_arrays(sample: FlowSample) -> dict[str, Floats]:
+    return {
+        "velocity": vectors(sample.velocity_x, sample.velocity_y),
+        "inside": sample.inside.ravel().astype(np.float64),
+    }
+
+
+def flow_at_cells(flow: FlowField, scene: Scene) -> pyvista.ImageData:
+    """Velocity at the centres of the scene's cells, as cell data."""
+    grid = scene_grid(scene)
+    sample = flow.evaluate(*np.meshgrid(grid.x, grid.y))
+    return cell_image(scene.domain.x, scene.domain.y, grid.shape, _flow_arrays(sample))
+
+
+def flow_at_particles(
+    flow: FlowField, scene: Scene, result: Result | None = None
+) -> pyvista.PolyData:
+    """Velocity at particles: see `export_flow` for which."""
+    if result is not None and result.layout == "particles" and result.times.size:
+        x, y, angle = (result.variables[name][0, 0] for name in ("x", "y", "angle"))
+    else:
+        x, y = start_lattice(scene)
+        angle = np.full(x.shape, scene.start.angle)
+    arrays = glyph_arrays(angle, (scene.particles.length, scene.particles.width))
+    return points(x, y, arrays | _flow_arrays(flow.evaluate(x, y)))
+
+
+def start_lattice(scene: Scene) -> tuple[Floats, Floats]:
+    """x, y (n,) of about the scene's number of particles, evenly over the start box."""
+    start = scene.start
+    width, height = start.x[1] - start.x[0], start.y[1] - start.y[0]
+    columns = max(1, round(math.sqrt(scene.particles.number * width / height)))
+    rows = max(1, round(scene.particles.number / columns))
+    x = start.x[0] + width * (np.arange(columns) + 0.5) / columns
+    y = start.y[0] + height * (np.arange(rows) + 0.5) / rows
+    grid_x, grid_y = np.meshgrid(x, y)
+    return grid_x.ravel(), grid_y.ravel()
+
+
+def flow_nodes(flow: FlowField, scene: Scene) -> pyvista.ImageData:
+    """Velocity, stream function and `inside` as point data on the nodes, see `export_flow`."""
+    import pyvista
+
+    x, y = node_axes(flow, scene)
+    image = pyvista.ImageData(
+        dimensions=(x.size, y.size, 1),
+        spacing=(x[1] - x[0], y[1] - y[0], x[1] - x[0]),
+        origin=(x[0], y[0], 0.0),
+    )
+    for name, values in _flow_arrays(flow.evaluate(*np.meshgrid(x, y))).items():
+        image.point_data[name] = values
+    image.point_data["stream_function"] = stream_function(flow, x, y).ravel()
+    return image
+
+
+def node_axes(flow: FlowField, scene: Scene) -> tuple[Floats, Floats]:
+    """The nodes of the flow's spline, or the cells' corners for a flow that has no bounds."""
+    if math.isinf(flow.bounds[0]):
+        grid = scene_grid(scene)
+        return grid.x_edges, grid.y_edges
+    ny, nx = flow.cells
+    x_low, x_high, y_low, y_high = flow.bounds
+    return np.linspace(x_low, x_high, nx + 1), np.linspace(y_low, y_high, ny + 1)
+
+
+def stream_function(flow: FlowField, x: Floats, y: Floats) -> Floats:
+    """The psi with u = (d psi/dy, -d psi/dx) on the lattice of x (nx,) and y (ny,), (ny, nx)."""
+    arrays = flow.arrays
+    ny, nx = flow.cells
+    along_x = _spline_weights((x - arrays.x0) * arrays.inverse_dx, nx)
+    along_y = _spline_weights((y - arrays.y0) * arrays.inverse_dy, ny)
+    return np.asarray(along_y @ arrays.coefficients @ along_x.T)
+
+
+def _spline_weights(position: Floats, cells: int) -> Floats:
+    """Weights (n, cells + 3) of a uniform cubic B-spline's coefficients at positions in cells.
+
+    Beyond the ends the polynomial of the nearest cell is continued, as `sample_flow` does.
+    """
+    index = np.clip(np.floor(position), 0, cells - 1).astype(np.int64)
+    t = position - index
+    s = 1.0 - t
+    inner = 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s)
+    weights = np.zeros((position.size, cells + 3))
+    rows = np.arange(position.size)
+    for k, weight in enumerate((s**3 / 6.0, inner[0], inner[1], t**3 / 6.0)):
+        weights[rows, index + k] = weight
+    return weights

@@ -1,0 +1,110 @@
+"""Particles as points for glyphs, and as ellipse polygons that need no filter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.output.outlines import ellipse_outlines
+from ellipsoid_coupling.output.paraview.series import vectors
+from ellipsoid_coupling.result import Result
+
+if TYPE_CHECKING:
+    import pyvista
+
+Floats = NDArray[np.float64]
+Size = tuple[float, float]
+
+
+def points(x: Floats, y: Floats, arrays: Mapping[str, Floats]) -> pyvista.PolyData:
+    """Points (n,) at z = 0, each a vertex cell, with point data (n,) or (n, 3)."""
+    import pyvista
+
+    mesh = pyvista.PolyData(vectors(x, y))
+    for name, values in arrays.items():
+        mesh.point_data[name] = values
+    return mesh
+
+
+def polygons(outlines: Floats, arrays: Mapping[str, Floats]) -> pyvista.PolyData:
+    """Polygons of corners (n, k, 2) at z = 0, with cell data (n,) or (n, 3)."""
+    import pyvista
+
+    number, corners, _ = outlines.shape
+    faces = np.empty((number, corners + 1), np.int64)
+    faces[:, 0] = corners
+    faces[:, 1:] = np.arange(number * corners).reshape(number, corners)
+    mesh = pyvista.PolyData(vectors(outlines[..., 0], outlines[..., 1]), faces=faces.ravel())
+    for name, values in arrays.items():
+        mesh.cell_data[name] = values
+    return mesh
+
+
+def glyph_arrays(angle: Floats, size: Size) -> dict[str, Floats]:
+    """What a glyph filter needs to draw an ellipse, for angles (n,).
+
+    length, width, angle : (n,); orientation : (n, 3) unit vectors along the main axes;
+    scale : (n, 3), (L, D, D)
+    """
+    length, width = np.full(angle.shape, size[0]), np.full(angle.shape, size[1])
+    return {
+        "length": length,
+        "width": width,
+        "angle": angle,
+        "orientation": vectors(np.cos(angle), np.sin(angle)),
+        "scale": np.stack([length, width, width], axis=-1),
+    }
+
+
+def particle_arrays(result: Result, index: int, realisation: int | None) -> dict[str, Floats]:
+    """x, y and the data of the particles at one saved time, (n,) or (n, 3).
+
+    realisation : None for all of them, one after the other
+    """
+    count, number = result.variables["x"].shape[1:]
+    chosen = slice(None) if realisation is None else slice(realisation, realisation + 1)
+    flat = {name: array[index, chosen].ravel() for name, array in result.variables.items()}
+    particles = result.scene.particles
+    return {
+        "x": flat["x"],
+        "y": flat["y"],
+        **glyph_arrays(flat["angle"], (particles.length, particles.width)),
+        "velocity": vectors(flat["velocity_x"], flat["velocity_y"]),
+        "angular_velocity": flat["angular_velocity"],
+        "realisation": np.repeat(np.arange(count)[chosen], number),
+    }
+
+
+def particle_points(
+    result: Result, realisation: int | None
+) -> Iterator[tuple[float, pyvista.PolyData]]:
+    """(time, points) of a particle result, see `particle_arrays`."""
+    for index, time in enumerate(result.times):
+        arrays = particle_arrays(result, index, realisation)
+        yield float(time), points(arrays.pop("x"), arrays.pop("y"), arrays)
+
+
+def particle_ellipses(result: Result, realisation: int) -> Iterator[tuple[float, pyvista.PolyData]]:
+    """(time, polygons) of one realisation: 32 corners on each particle's ellipse."""
+    size = (result.scene.particles.length, result.scene.particles.width)
+    for index, time in enumerate(result.times):
+        arrays = particle_arrays(result, index, realisation)
+        outlines = ellipse_outlines(arrays.pop("x"), arrays.pop("y"), arrays["angle"], size)
+        del arrays["scale"]
+        yield float(time), polygons(outlines, arrays)
+
+
+def check_realisation(result: Result, realisation: int | None) -> None:
+    """Raise InputError for a realisation that the result does not have."""
+    count = result.variables["x"].shape[1]
+    if realisation is not None and not 0 <= realisation < count:
+        raise InputError(
+            "ParaView export",
+            f"a realisation from 0 to {count - 1}, or all",
+            str(realisation),
+            "Change it.",
+        )

@@ -1,0 +1,59 @@
+"""Angle distributions: the circle is cut where little is, lines and labels are all there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.output.figures import draw_angles
+from ellipsoid_coupling.output.figures.angles import angle_figure, cut_position, opened_circle
+from ellipsoid_coupling.result import Result
+
+
+def test_one_panel_a_time_one_line_a_result(
+    particle_result: Result, rho_result: Result, q_result: Result, tmp_path: Path
+) -> None:
+    results = [particle_result, rho_result, replace(rho_result, scheme="paper"), q_result]
+    figure = angle_figure(results, bins=24)
+    assert [len(axes.lines) for axes in figure.axes] == [4, 4]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "microscopic",
+        "rho, mono-kinetic, accurate",
+        "rho, mono-kinetic, paper",
+        "q, mono-kinetic",
+    ]
+    looks = {(line.get_color(), line.get_marker()) for line in figure.axes[0].lines}
+    assert len(looks) == 4
+    assert draw_angles(results, tmp_path / "angles.png").stat().st_size > 1000
+
+
+def test_lines_hold_the_distribution(rho_result: Result) -> None:
+    line = angle_figure([rho_result], bins=24).axes[0].lines[0]
+    angles, values = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    expected = rho_result.angle_distribution(24)[0]
+    bins = np.mod(angles, 2 * np.pi) // (2 * np.pi / 24)
+    np.testing.assert_array_equal(values, expected[bins.astype(int)])
+    # One turn: the points at both ends, half a bin outside, repeat the other end's.
+    assert np.isclose(values[1:-1].sum() * 2 * np.pi / 24, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("centre", "cut"), [(0, -np.pi), (12, 0.0)])
+def test_circle_is_cut_away_from_the_peak(centre: int, cut: float) -> None:
+    peak = np.roll(np.exp(-(np.linspace(-4, 4, 25)[:-1] ** 2)), centre - 12)[None, :]
+    assert cut_position([peak]) == cut
+    angles, values = opened_circle(peak[0], cut)
+    assert angles[0] < cut < angles[1]
+    assert angles[-2] < cut + 2 * np.pi < angles[-1]
+    assert 3 < int(np.argmax(values)) < 22
+
+
+def test_results_without_times_are_left_out(rho_result: Result, tmp_path: Path) -> None:
+    nothing = {name: values[:0] for name, values in rho_result.variables.items()}
+    failed = replace(rho_result, times=np.empty(0), variables=nothing)
+    assert len(angle_figure([rho_result, failed]).axes[0].lines) == 1
+    with pytest.raises(InputError, match="saved time"):
+        draw_angles([failed], tmp_path / "angles.png")

@@ -1,0 +1,43 @@
+"""All figures at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.output.figures import draw_all
+from ellipsoid_coupling.result import Result
+
+from ..conftest import small_scene
+
+
+def test_draws_what_applies(
+    particle_result: Result, rho_result: Result, lid_flow: FlowField, tmp_path: Path
+) -> None:
+    paths = draw_all([particle_result, rho_result], tmp_path / "figures", lid_flow)
+    assert [path.name for path in paths] == [
+        "flow_cavity.png",
+        "density_cavity.png",
+        "angles_cavity.png",
+        "ellipses_cavity_microscopic.png",
+    ]
+    assert sorted(paths) == sorted((tmp_path / "figures").iterdir())
+
+
+def test_scenes_on_one_domain_are_compared(rho_result: Result, tmp_path: Path) -> None:
+    free = replace(rho_result, scene=small_scene("cavity_free"))
+    names = [path.name for path in draw_all([rho_result, free], tmp_path)]
+    assert names[-1] == "density_cavity_and_cavity_free.png"
+    assert len(names) == 5
+
+
+@pytest.mark.parametrize("keep", [0, 1])
+def test_failed_runs_show_what_they_reached(rho_result: Result, tmp_path: Path, keep: int) -> None:
+    variables = {name: values[:keep] for name, values in rho_result.variables.items()}
+    short = replace(rho_result, times=rho_result.times[:keep], variables=variables)
+    assert len(draw_all([short], tmp_path)) == 2 * keep
+    assert np.all(np.isfinite(rho_result.times))

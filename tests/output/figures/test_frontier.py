@@ -1,0 +1,71 @@
+"""Error against run time: lines, labels and what a logarithmic axis cannot show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.output.figures import draw_frontier
+from ellipsoid_coupling.output.figures.frontier import frontier_figure, frontier_lines
+
+
+@dataclass(frozen=True)
+class Row:
+    model: str
+    scheme: str
+    resolution: str
+    density_errors: tuple[float, ...]
+    angle_errors: tuple[float, ...]
+    wall_seconds: float
+
+
+ROWS = [
+    Row("rho_mono_kinetic", "paper", "h = 0.01", (0.1, 0.5), (0.05, 0.2), 2.0),
+    Row("rho_mono_kinetic", "paper", "h = 0.02", (0.2, 0.8), (0.1, 0.3), 0.3),
+    Row("rho_mono_kinetic", "accurate", "h = 0.01", (0.05, 0.2), (0.02, 0.1), 2.1),
+    Row("microscopic", "accurate", "9 x 9 particles, tolerance = 0.1", (0.1, 0.2), (0.1, 0.1), 2.2),
+    Row("microscopic", "accurate", "", (math.nan, math.nan), (math.nan, math.nan), math.nan),
+]
+
+
+def test_lines_join_resolutions_by_run_time() -> None:
+    lines = frontier_lines(ROWS, "density", -1)
+    assert lines["rho_mono_kinetic", "paper"] == [(0.3, 0.8, "h = 0.02"), (2.0, 0.5, "h = 0.01")]
+    assert lines["microscopic", "accurate"] == [(2.2, 0.2, "tolerance = 0.1")]
+    assert frontier_lines(ROWS, "angle", 0)["rho_mono_kinetic", "accurate"][0][1] == 0.02
+
+
+def test_figure_has_all_lines_labels_and_the_band(tmp_path: Path) -> None:
+    figure = frontier_figure(ROWS, noise=(0.1, 0.05), title="Cavity")
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend == [
+        "rho, mono-kinetic, paper",
+        "rho, mono-kinetic, accurate",
+        "microscopic, accurate",
+        "Monte-Carlo error of the reference",
+    ]
+    for axes in figure.axes:
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        assert len(axes.texts) == 4
+    assert draw_frontier(ROWS, tmp_path / "frontier.png").stat().st_size > 1000
+
+
+def test_labels_of_near_points_stay_apart() -> None:
+    figure = frontier_figure(ROWS)
+    for axes in figure.axes:
+        boxes = [note.get_window_extent() for note in axes.texts if isinstance(note, Annotation)]
+        assert all(Bbox.intersection(a, b) is None for a, b in combinations(boxes, 2))
+        assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes)
+
+
+def test_only_failed_runs_give_empty_axes_and_no_rows_an_error(tmp_path: Path) -> None:
+    assert draw_frontier(ROWS[-1:], tmp_path / "frontier.png").is_file()
+    with pytest.raises(InputError, match="at least one row"):
+        draw_frontier([], tmp_path / "frontier.png")

@@ -1,0 +1,34 @@
+"""Labels are as short as tells results apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ellipsoid_coupling.output.labels import model_name, result_labels
+from ellipsoid_coupling.result import Result
+
+
+def test_one_result_a_model_needs_its_model_only(
+    particle_result: Result, rho_result: Result
+) -> None:
+    assert result_labels([particle_result, rho_result]) == ["microscopic", "rho, mono-kinetic"]
+
+
+def test_repeated_labels_grow_by_what_differs(particle_result: Result, rho_result: Result) -> None:
+    paper = replace(rho_result, scheme="paper")
+    finer = replace(paper, attributes=paper.attributes | {"resolution": "h = 0.1"})
+    assert result_labels([particle_result, rho_result, paper, finer]) == [
+        "microscopic",
+        "rho, mono-kinetic, accurate",
+        "rho, mono-kinetic, paper, h = 0.125",
+        "rho, mono-kinetic, paper, h = 0.1",
+    ]
+
+
+def test_what_all_share_is_left_out(rho_result: Result) -> None:
+    seeds = [replace(rho_result, attributes=rho_result.attributes | {"seed": s}) for s in (1, 2)]
+    assert result_labels(seeds) == ["rho, mono-kinetic, seed 1", "rho, mono-kinetic, seed 2"]
+
+
+def test_unknown_models_keep_their_name() -> None:
+    assert model_name("something_new") == "something_new"

@@ -1,0 +1,156 @@
+"""The time loop: results, run folders, resuming, failures."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import ellipsoid_coupling as ec
+from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.result import DIMENSIONS, Result
+from ellipsoid_coupling.scenes import Scene
+
+# The package's name `simulate` is the function.
+module = sys.modules[ec.simulate.__module__]
+
+MODELS = [("microscopic", "paper"), ("microscopic", "accurate"), ("rho_mono_kinetic", "accurate")]
+EACH = pytest.mark.parametrize(("model", "scheme"), MODELS)
+
+
+def small_scene(settings: dict[str, Any] | None = None) -> Scene:
+    small = {
+        "particles.number": 40,
+        "particles.realisations": 2,
+        "numerics.cell": 0.1,
+        "times": [0.1, 0.3],
+    }
+    return ec.load_scene("rotation", small | (settings or {}))
+
+
+@EACH
+def test_a_result_survives_its_file(model: str, scheme: Any, tmp_path: Path) -> None:
+    result = ec.simulate(small_scene(), model, scheme, folder=tmp_path)
+    loaded = Result.load(tmp_path)
+    assert loaded.scene == result.scene
+    assert (loaded.model, loaded.scheme, loaded.layout) == (model, scheme, result.layout)
+    assert loaded.attributes == result.attributes
+    for name, values in result.variables.items():
+        assert np.array_equal(values, loaded.variables[name])
+
+
+@EACH
+def test_the_file_is_what_the_contract_says(model: str, scheme: Any, tmp_path: Path) -> None:
+    ec.simulate(small_scene(), model, scheme, folder=tmp_path, seed=5)
+    with xr.open_dataset(tmp_path / "result.nc", engine="h5netcdf") as data:
+        layout = "particles" if model == "microscopic" else "rho"
+        assert list(data["time"].values) == [0.1, 0.3]
+        assert all(v.dims == DIMENSIONS[layout] for v in data.data_vars.values())
+        assert all({"units", "long_name"} <= set(v.attrs) for v in data.variables.values())
+        needed = "scene model scheme resolution seed package_version status steps wall_seconds"
+        needed += " compile_seconds mass_start mass_end mass_left"
+        assert set(needed.split()) <= set(data.attrs)
+        assert data.attrs["status"] == "completed"
+        expected = {"particles": {"x", "y", "angle"}, "rho": {"density", "mean_angle"}}[layout]
+        assert expected | {"velocity_x", "velocity_y", "angular_velocity"} == set(data.data_vars)
+
+
+def test_run_toml_is_enough_to_repeat_the_run(tmp_path: Path) -> None:
+    first = ec.simulate(small_scene(), "microscopic", "paper", folder=tmp_path, seed=7)
+    told = tomllib.loads((tmp_path / "run.toml").read_text())["run"]
+    scene = ec.load_scene(tmp_path / "run.toml")
+    again = ec.simulate(
+        scene, told["model"], told["scheme"], seed=told["seed"], realisations=told["realisations"]
+    )
+    for name, values in first.variables.items():
+        assert np.array_equal(values, again.variables[name]), name
+
+
+@EACH
+@pytest.mark.parametrize("noise", [None, 0.5])
+def test_a_killed_run_resumes_bit_for_bit(
+    model: str,
+    scheme: Any,
+    noise: float | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Checkpoints at every call; killed at the third; the rest must not notice."""
+    parts = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
+    fine = {"numerics.time_step": 0.002, "numerics.tolerance": 1e-7, "numerics.cfl": 0.1}
+    scene = small_scene(parts | fine)
+    whole = ec.simulate(scene, model, scheme, seed=3)
+    monkeypatch.setattr(module, "CHECKPOINT_SECONDS", 0.0)
+
+    class Killed(BaseException):
+        pass
+
+    calls = 0
+
+    def kill(stage: str, part: float) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == 3:
+            raise Killed
+
+    with pytest.raises(Killed):
+        ec.simulate(scene, model, scheme, seed=3, folder=tmp_path, report=kill)
+    assert (tmp_path / "checkpoint.npz").is_file()
+    assert not (tmp_path / "result.nc").exists()
+    resumed = ec.simulate(scene, model, scheme, seed=3, folder=tmp_path, resume=True)
+    for name, values in whole.variables.items():
+        assert np.array_equal(values, resumed.variables[name]), name
+    assert resumed.attributes["steps"] == whole.attributes["steps"]
+    assert not (tmp_path / "checkpoint.npz").exists()
+    assert resumed.attributes["wall_seconds"] > 0
+
+
+def test_resuming_another_run_is_refused(tmp_path: Path) -> None:
+    ec.simulate(small_scene(), "microscopic", folder=tmp_path, seed=1)
+    with pytest.raises(InputError, match="the run that was started"):
+        ec.simulate(small_scene(), "microscopic", folder=tmp_path, seed=2, resume=True)
+
+
+def test_a_failed_run_keeps_what_it_reached(tmp_path: Path) -> None:
+    """Euler-Maruyama with dt gamma = 60: reaches the first time, explodes before the second."""
+    scene = small_scene({"flow.drag": 6000.0, "interaction": None, "times": [0.01, 30.0]})
+    with pytest.raises(RunError, match="no longer finite"):
+        ec.simulate(scene, "microscopic", "paper", folder=tmp_path)
+    failed = Result.load(tmp_path)
+    assert failed.status.startswith("failed: ")
+    assert list(failed.times) == [0.01]
+    assert failed.variables["x"].shape == (1, 2, 40)
+
+
+def test_compile_time_is_not_wall_time() -> None:
+    """Run twice in one process: the second compiles nothing."""
+    ec.simulate(small_scene(), "microscopic")
+    assert ec.simulate(small_scene(), "microscopic").attributes["compile_seconds"] == 0.0
+
+
+def test_results_of_all_models_share_bins() -> None:
+    micro = ec.simulate(small_scene(), "microscopic")
+    rho = ec.simulate(small_scene(), "rho_mono_kinetic")
+    assert (micro.density(cells=30) - rho.density(cells=30)).shape == (2, 30, 30)
+    assert micro.density(cells=30)[0].mean() * 9 == pytest.approx(1.0)
+    assert rho.density(cells=30)[0].mean() * 9 == pytest.approx(1.0)
+    difference = micro.angle_distribution(bins=60) - rho.angle_distribution(bins=60)
+    assert difference.sum(axis=1) * 2 * np.pi / 60 == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="run folder"):
+        Result.load(tmp_path / "nothing")
+    (tmp_path / "result.nc").write_text("not a NetCDF file")
+    with pytest.raises(InputError, match="result file"):
+        Result.load(tmp_path)
+
+
+def test_a_flow_for_a_scene_without_fluid_is_refused() -> None:
+    with pytest.raises(InputError, match="Leave out --flow"):
+        ec.simulate(ec.load_scene("stationary"), "microscopic", flow="somewhere")

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError
+from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 from ellipsoid_coupling.scenes import Scene, explain_terms, load_scene, parse_setting
 
@@ -36,17 +34,6 @@ def _print(*lines: str) -> None:
         sys.stdout.write(line + "\n")
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table for people on standard output; in a log as wide as it needs."""
-    table = Table(title=title, title_justify="left")
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
-    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else 150)
-    console.print(table)
-
-
 def _new_folder(out: Path | None, name: str) -> Path:
     """`out`, or results/`name` with the first free number behind it."""
     if out is not None:
@@ -65,6 +52,7 @@ def _scene(name: str, settings: list[str] | None) -> Scene:
 @app.command
 def flow(
     case: str,
+    /,
     *,
     cells: int | None = None,
     processes: int = 1,
@@ -93,6 +81,7 @@ def flow(
 @app.command
 def plan(
     scene: str,
+    /,
     *,
     model: str = "microscopic",
     set_: Settings = None,
@@ -131,6 +120,7 @@ def _run_file(scene: str) -> dict[str, Any]:
 @app.command
 def run(
     scene: str,
+    /,
     *,
     model: str | None = None,
     scheme: str | None = None,
@@ -162,6 +152,7 @@ def run(
     resume
         Continue the interrupted run in --out, bit for bit.
     """
+    from ellipsoid_coupling.models import scheme_named
     from ellipsoid_coupling.simulate import simulate
 
     before = _run_file(scene)
@@ -173,7 +164,7 @@ def run(
         raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
-    kind = scheme or before.get("scheme", "accurate")
+    kind = scheme_named(scheme or before.get("scheme", "accurate"))
     folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
@@ -198,6 +189,7 @@ def run(
 @app.command
 def compare(
     what: Names,
+    /,
     *,
     out: Path | None = None,
     flow: Path | None = None,
@@ -215,6 +207,7 @@ def compare(
         As in `run`.
     """
     from ellipsoid_coupling.compare.frontier import compare_runs, run_frontier
+    from ellipsoid_coupling.output.frontier_report import report_frontiers
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulate import scene_flow
 
@@ -229,51 +222,6 @@ def compare(
     folder = _new_folder(out, f"compare-{scene.name}")
     report_frontiers([frontier], folder)
     _print(str(folder))
-
-
-def report_frontiers(frontiers: Sequence[Any], folder: Path) -> None:
-    """Write errors.csv and one figure a scene into `folder`, and print the table."""
-    from ellipsoid_coupling.compare.frontier import write_table
-    from ellipsoid_coupling.output.figures import draw_frontier
-
-    folder.mkdir(parents=True, exist_ok=True)
-    write_table(frontiers, folder)
-    for frontier in frontiers:
-        scene = frontier.reference.scene
-        against = "exact solution" if frontier.exact else "microscopic ensemble"
-        draw_frontier(
-            [row for row in frontier.rows if row.status == "completed"],
-            folder / f"error_against_run_time_{scene.name}.png",
-            noise=(frontier.sampling.density, frontier.sampling.angle),
-            title=f"{scene.title}: L1 error against the {against}",
-        )
-        _print_frontier(frontier, against)
-
-
-def _print_frontier(frontier: Any, against: str) -> None:
-    def numbers(values: Sequence[float]) -> str:
-        return "  ".join(f"{value:.3f}" for value in values)
-
-    times = ", ".join(f"{time:g}" for time in frontier.reference.times)
-    columns = ("model", "scheme", "resolution", "density L1", "angle L1", "wall s")
-    rows = [
-        (
-            row.model,
-            row.scheme,
-            row.resolution if row.status == "completed" else row.status,
-            numbers(row.density_errors),
-            numbers(row.angle_errors),
-            f"{row.wall_seconds:.2f}",
-        )
-        for row in frontier.rows
-    ]
-    sampling = frontier.sampling
-    rows.append(
-        ("sampling error", "", "of an ensemble", numbers(sampling.density), numbers(sampling.angle))
-        + ("",)
-    )
-    title = f"{frontier.reference.scene.title}: error against the {against} at t = {times}"
-    print_table(title, columns, rows)
 
 
 @app.command
@@ -300,7 +248,7 @@ def stability(*, out: Path | None = None) -> None:
 
 
 @app.command
-def export(run: Path) -> None:
+def export(run: Path, /) -> None:
     """Write ParaView files into a run folder.
 
     Parameters
@@ -321,7 +269,7 @@ def export(run: Path) -> None:
 
 
 @app.command
-def figures(runs: Names, *, out: Path | None = None) -> None:
+def figures(runs: Names, /, *, out: Path | None = None) -> None:
     """Draw the paper's pictures of finished runs.
 
     Parameters

@@ -85,7 +85,7 @@ def regrid_angles(distribution: Floats, bins: int) -> Floats:
     """
     n = distribution.size
     width = FULL_TURN / n
-    edges = (np.arange(n + 1) - 0.5) * width
-    bin_edges = np.linspace(0.0, FULL_TURN, bins + 1)
+    edges: Floats = (np.arange(n + 1, dtype=np.float64) - 0.5) * width
+    bin_edges = np.linspace(0.0, FULL_TURN, bins + 1, dtype=np.float64)
     weights = overlap_matrix(edges, bin_edges) + overlap_matrix(edges + FULL_TURN, bin_edges)
     return np.asarray(weights @ distribution * (bins / n))

@@ -48,7 +48,8 @@ def _source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-numba.config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
+_config: Any = numba.config
+_config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
 
 
 def kernel(function: Function) -> Function:
@@ -91,11 +92,15 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
         pass
 
 
+# Numba ships half of its types: this class has none.
+_TimingListener: Callable[[], Any] = event.TimingListener
+
+
 class CompileTimer:
     """A context that adds up the seconds that numba spends compiling, in `seconds`."""
 
     def __init__(self) -> None:
-        self._listener = event.TimingListener()
+        self._listener = _TimingListener()
         self._context: AbstractContextManager[object] = event.install_listener(
             "numba:compile", self._listener
         )

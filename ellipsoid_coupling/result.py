@@ -71,7 +71,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """"completed", or "failed: ..." with the reason."""
+        """How it ended: "completed", or "failed: ..." with the reason."""
         return str(self.attributes.get("status", ""))
 
     def density(self, cells: int = 30) -> Floats:
@@ -84,9 +84,7 @@ class Result:
         ranges = (self.scene.domain.x, self.scene.domain.y)
         if self.layout == "particles":
             places = zip(self.variables["x"], self.variables["y"], strict=True)
-            return np.array(
-                [histograms.particle_density(x, y, *ranges, cells) for x, y in places]
-            )
+            return np.array([histograms.particle_density(x, y, *ranges, cells) for x, y in places])
         return np.array([histograms.grid_density(d, *ranges, cells) for d in self.cell_density()])
 
     def cell_density(self) -> Floats:

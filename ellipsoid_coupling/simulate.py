@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
 from ellipsoid_coupling.kernels import CompileTimer
-from ellipsoid_coupling.models import Arrays, Model, SchemeName, Setup, build_model
+from ellipsoid_coupling.models import Arrays, Model, SchemeName, Setup, build_model, scheme_named
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, terms_of
 from ellipsoid_coupling.scenes.files import table_to_toml
@@ -94,6 +94,7 @@ def simulate(
         If the run failed; with a folder, what was reached stands in its result.nc with the status
         "failed: ...".
     """
+    scheme_named(scheme)
     field = flow if isinstance(flow, FlowField) else scene_flow(scene, flow, report)
     setup = Setup(
         scene=scene,
@@ -151,7 +152,8 @@ class _Run:
     def _seconds(self) -> NDArray[np.float64]:
         """Wall seconds without compiling, and compiling seconds, earlier parts included."""
         compiling = self.compiling.seconds
-        return self.earlier + [time.perf_counter() - self.started - compiling, compiling]
+        running = time.perf_counter() - self.started - compiling
+        return np.asarray(self.earlier + np.array([running, compiling]))
 
     def _checkpoint_if_due(self) -> None:
         if self.folder is None or time.perf_counter() - self.saved < CHECKPOINT_SECONDS:

@@ -9,11 +9,11 @@ from ellipsoid_coupling.flow import FlowField, analytic_flow
 
 @pytest.fixture(scope="session")
 def stagnation_flow() -> FlowField:
-    """u = (-x, y), everywhere."""
+    """U = (-x, y), everywhere."""
     return analytic_flow("top_bottom")
 
 
 @pytest.fixture(scope="session")
 def rotation_flow() -> FlowField:
-    """u = (y, -x), everywhere."""
+    """U = (y, -x), everywhere."""
     return analytic_flow("rotation")

@@ -48,7 +48,7 @@ def imported(source: Path) -> Iterator[str]:
 
 
 def part(module: str) -> str:
-    return (module.split(".") + [""])[1]
+    return f"{module}.".split(".")[1]
 
 
 def relative(source: Path) -> str:

@@ -13,7 +13,7 @@ import xarray as xr
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.result import DIMENSIONS, Result
+from ellipsoid_coupling.result import DIMENSIONS, Layout, Result
 from ellipsoid_coupling.scenes import Scene
 
 # The package's name `simulate` is the function.
@@ -48,7 +48,7 @@ def test_a_result_survives_its_file(model: str, scheme: Any, tmp_path: Path) -> 
 def test_the_file_is_what_the_contract_says(model: str, scheme: Any, tmp_path: Path) -> None:
     ec.simulate(small_scene(), model, scheme, folder=tmp_path, seed=5)
     with xr.open_dataset(tmp_path / "result.nc", engine="h5netcdf") as data:
-        layout = "particles" if model == "microscopic" else "rho"
+        layout: Layout = "particles" if model == "microscopic" else "rho"
         assert list(data["time"].values) == [0.1, 0.3]
         assert all(v.dims == DIMENSIONS[layout] for v in data.data_vars.values())
         assert all({"units", "long_name"} <= set(v.attrs) for v in data.variables.values())
@@ -92,7 +92,7 @@ def test_a_killed_run_resumes_bit_for_bit(
 
     calls = 0
 
-    def kill(stage: str, part: float) -> None:
+    def kill(_stage: str, _part: float) -> None:
         nonlocal calls
         calls += 1
         if calls == 3:

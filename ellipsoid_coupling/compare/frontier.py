@@ -97,16 +97,26 @@ def run_frontier(
     """Run all cases of a scene and hold them against its reference.
 
     The reference is exact where particles are independent; elsewhere it is a microscopic ensemble
-    of its own start positions (seed + 1), whose sampling error is given along.
+    of its own start positions (seed + 1), whose sampling error is given along. With a `folder`, the
+    runs at the scene's own resolution are kept there as run folders.
     """
     reference, exact = _reference(scene, flow, seed, report)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    rows, finest = [], {}
-    for case in frontier_cases(scene, models):
+    rows: list[FrontierRow] = []
+    finest: dict[tuple[str, str], Result] = {}
+    cases = frontier_cases(scene, models)
+    for number, case in enumerate(cases):
+        own = case.scene == scene
         try:
             result = simulate(
-                case.scene, case.model, case.scheme, flow=flow, seed=seed, report=report
+                case.scene,
+                case.model,
+                case.scheme,
+                flow=flow,
+                seed=seed,
+                folder=folder / f"{scene.name}-{case.model}-{case.scheme}"
+                if folder and own
+                else None,
+                report=_numbered(report, number + 1, len(cases)),
             )
         except RunError as error:
             rows.append(_failed_row(case, error))
@@ -130,6 +140,12 @@ def _reference(
         _tell(report, f"{stage} (reference)", part)
 
     return simulate(scene, "microscopic", flow=flow, seed=seed + 1, report=named), False
+
+
+def _numbered(report: Report | None, number: int, count: int) -> Report | None:
+    if report is None:
+        return None
+    return lambda stage, part: report(f"{stage} (run {number} of {count})", part)
 
 
 def _tell(report: Callable[[str, float], None] | None, stage: str, part: float) -> None:
@@ -192,9 +208,20 @@ def write_table(frontiers: Sequence[Frontier], folder: Path) -> Path:
     with beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(
-            ["scene", "model", "scheme", "resolution", "time", "density_error", "angle_error"]
-            + ["sampling_error_density", "sampling_error_angle", "reference", "wall_seconds"]
-            + ["status"]
+            [
+                "scene",
+                "model",
+                "scheme",
+                "resolution",
+                "time",
+                "density_error",
+                "angle_error",
+                "sampling_error_density",
+                "sampling_error_angle",
+                "reference",
+                "wall_seconds",
+                "status",
+            ]
         )
         for frontier in frontiers:
             writer.writerows(_csv_rows(frontier))

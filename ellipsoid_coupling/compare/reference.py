@@ -36,7 +36,7 @@ def has_exact_reference(scene: Scene) -> bool:
 
 @kernel
 def _slope(drift: Drift, damping: Floats, place: Floats, velocity: Floats, slope: Floats) -> None:
-    """slope = F(place) - Gamma velocity, (D, N)."""
+    """Slope = F(place) - Gamma velocity, (D, N)."""
     particle_forces(drift, place, slope)
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
@@ -90,15 +90,13 @@ def _push(
 
 
 def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
-    """side x side midpoints of the start box and the start angle, (tasks, D, points)."""
+    """Side x side midpoints of the start box and the start angle, (tasks, D, points)."""
     part = (np.arange(side) + 0.5) / side
     x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
     y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
     x_all, y_all = (a.ravel() for a in np.meshgrid(x, y))
     points = np.array([x_all, y_all, np.full(side * side, scene.start.angle)])[:degrees]
-    return np.ascontiguousarray(
-        points.reshape(degrees, -1, _POINTS_PER_TASK).transpose(1, 0, 2)
-    )
+    return np.ascontiguousarray(points.reshape(degrees, -1, _POINTS_PER_TASK).transpose(1, 0, 2))
 
 
 def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Result:

@@ -53,7 +53,7 @@ class Drift(NamedTuple):
 
 @kernel
 def _axes(place: Floats) -> Floats:
-    """cos and sin of 2 theta (2, N); where nothing turns only circles interact: any axis does."""
+    """Cos and sin of 2 theta (2, N); where nothing turns only circles interact: any axis does."""
     n = place.shape[1]
     axis = np.empty((2, n))
     for i in range(n):

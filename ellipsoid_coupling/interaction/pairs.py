@@ -74,9 +74,7 @@ class Pairs(NamedTuple):
     ghost_factor: float
 
 
-def cell_grid(
-    x_range: tuple[float, float], y_range: tuple[float, float], reach: float
-) -> CellGrid:
+def cell_grid(x_range: tuple[float, float], y_range: tuple[float, float], reach: float) -> CellGrid:
     """The cells of size reach/2 that cover a rectangle."""
     size = reach / CELLS_PER_REACH
     columns = max(1, int(np.ceil((x_range[1] - x_range[0]) / size)))
@@ -166,7 +164,7 @@ def _sum_over_ghosts(
 def _gather_ghosts(
     ghosts: Sources | None, column: int, row: int, grid: CellGrid, buffer: Floats | None
 ) -> int:
-    if ghosts is None:
+    if ghosts is None or buffer is None:
         return 0
     return gather(ghosts, column, row, grid, buffer)
 

@@ -8,7 +8,16 @@ import pkgutil
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models.base import Arrays, Model, SchemeName, Setup
 
-__all__ = ["SCHEMES", "Arrays", "Model", "SchemeName", "Setup", "build_model", "model_names"]
+__all__ = [
+    "SCHEMES",
+    "Arrays",
+    "Model",
+    "SchemeName",
+    "Setup",
+    "build_model",
+    "model_names",
+    "scheme_named",
+]
 
 SCHEMES: tuple[SchemeName, ...] = ("paper", "accurate")
 
@@ -28,19 +37,25 @@ def model_names() -> list[str]:
     return sorted(_classes())
 
 
+def scheme_named(name: str) -> SchemeName:
+    """The scheme of that name; InputError, listing the known ones, otherwise."""
+    for scheme in SCHEMES:
+        if scheme == name:
+            return scheme
+    known = ", ".join(SCHEMES)
+    raise InputError("--scheme", f"one of {known}", repr(name), "Choose one of these.")
+
+
 def build_model(name: str, setup: Setup) -> Model:
     """The model called `name`, at the scene's start.
 
     Raises
     ------
     InputError
-        For an unknown model or scheme.
+        For an unknown model.
     """
     classes = _classes()
     if name not in classes:
         known = ", ".join(sorted(classes))
         raise InputError("--model", f"one of {known}", repr(name), "Choose one of these.")
-    if setup.scheme not in SCHEMES:
-        known = ", ".join(SCHEMES)
-        raise InputError("--scheme", f"one of {known}", repr(setup.scheme), "Choose one of these.")
     return classes[name](name, setup)

@@ -1,9 +1,9 @@
 """The microscopic model `eq:micro`: N interacting particles, many realisations.
 
-    dr = v dt        dv = [gamma (u - v) - 1/(m N) sum_j grad_r U - grad V1 - (A^2/2) v] dt + A dW
-    dtheta = omega dt
-    domega = [gamma_bar (g - omega) - 1/(I_c N) sum_j dU/dtheta - dV2/dtheta - (B^2/2) omega] dt
-             + B dW
+dr = v dt        dv = [gamma (u - v) - 1/(m N) sum_j grad_r U - grad V1 - (A^2/2) v] dt + A dW
+dtheta = omega dt
+domega = [gamma_bar (g - omega) - 1/(I_c N) sum_j dU/dtheta - dV2/dtheta - (B^2/2) omega] dt
+         + B dW
 """
 
 from __future__ import annotations
@@ -75,9 +75,7 @@ class Microscopic:
     def advance(self, until: float) -> None:
         """At most sixteen steps of every realisation."""
         state = self._state._replace(noise=self._draw_noise(until))
-        self._stepper.advance(
-            state, self._drift, self._rates, self._limits, until, _STEPS_PER_CALL
-        )
+        self._stepper.advance(state, self._drift, self._rates, self._limits, until, _STEPS_PER_CALL)
         self._check()
 
     def _draw_noise(self, until: float) -> Floats | None:

@@ -98,11 +98,13 @@ def scene_limits(setup: Setup) -> Limits:
     numerics, domain = setup.scene.numerics, setup.scene.domain
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])
     box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
-    return Limits(numerics.time_step, numerics.tolerance, scale[: 3 if setup.terms.angle else 2], box)
+    return Limits(
+        numerics.time_step, numerics.tolerance, scale[: 3 if setup.terms.angle else 2], box
+    )
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:
-    """gamma u - grad V1 in every cell (2, ny, nx), the flow sampled at the cells' centres."""
+    """Gamma u - grad V1 in every cell (2, ny, nx), the flow sampled at the cells' centres."""
     scene, flow = setup.scene, setup.flow
     if flow is None and scene.outer_potential is None:
         return None

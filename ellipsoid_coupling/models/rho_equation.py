@@ -108,10 +108,10 @@ class RhoEquation:
         return forces
 
     def _carried(self, component: int) -> Floats:
-        """rho a / rho, (ny, nx); 0 in vacuum."""
+        """Rho a / rho, (ny, nx); 0 in vacuum."""
         rho = interior(self.fields)[RHO]
         values = interior(self.fields)[component]
-        return np.divide(values, rho, out=np.zeros_like(rho), where=rho > 0.0)
+        return np.asarray(np.divide(values, rho, out=np.zeros_like(rho), where=rho > 0.0))
 
     def _mean_angle(self) -> Floats:
         if self._setup.terms.angle:
@@ -186,9 +186,7 @@ class RhoEquation:
         return {"y": self.grid.y, "x": self.grid.x}
 
 
-def _scene_interaction(
-    setup: Setup, grid: Grid
-) -> tuple[GridInteraction | None, WallTable | None]:
+def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None, WallTable | None]:
     scene = setup.scene
     if scene.interaction is None:
         return None, None

@@ -45,8 +45,14 @@ def _print_frontier(frontier: Frontier, against: str) -> None:
     ]
     sampling = frontier.sampling
     rows.append(
-        ("sampling error", "", "of an ensemble", numbers(sampling.density), numbers(sampling.angle))
-        + ("",)
+        (
+            "sampling error",
+            "",
+            "of an ensemble",
+            numbers(tuple(sampling.density)),
+            numbers(tuple(sampling.angle)),
+            "",
+        )
     )
     title = f"{frontier.reference.scene.title}: error against the {against} at t = {times}"
     print_table(title, columns, rows)

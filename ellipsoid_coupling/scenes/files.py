@@ -98,7 +98,9 @@ def _read_table(scene: str | Path) -> tuple[Table, str]:
     if not path.is_file():
         known = ", ".join(builtin_scenes())
         remedy = "Give one of these names or the path of a scene file."
-        raise InputError(f"scene {name}", f"a built-in scene ({known}) or a file", "neither", remedy)
+        raise InputError(
+            f"scene {name}", f"a built-in scene ({known}) or a file", "neither", remedy
+        )
     try:
         return tomllib.loads(path.read_text(encoding="utf-8")), str(path)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -110,7 +112,9 @@ def _apply(table: Table, key: str, value: object) -> None:
     for section in sections:
         table = table.setdefault(section, {})
         if not isinstance(table, dict):
-            raise InputError(f"--set {key}", "section.key", f"{section} is a value", "Check the key.")
+            raise InputError(
+                f"--set {key}", "section.key", f"{section} is a value", "Check the key."
+            )
     if value is None:
         table.pop(last, None)
     else:

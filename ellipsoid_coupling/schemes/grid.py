@@ -1,13 +1,13 @@
 """Uniform cell-centred grids with ghost layers.
 
-    padded array (ny + 4, nx + 4), axis order (y, x); two ghost layers g on each side
+padded array (ny + 4, nx + 4), axis order (y, x); two ghost layers g on each side
 
-        g g g g g g g g        cell (j, i) of the interior sits at [j + 2, i + 2]
-        g g g g g g g g        and is centred on (x_low + (i + 1/2) h, y_low + (j + 1/2) h)
-        g g . . . . g g
-        g g . . . . g g        sweeps march through the flat array with stride 1 (x) or
-        g g g g g g g g        nx + 4 (y), so that one kernel serves every direction
-        g g g g g g g g
+    g g g g g g g g        cell (j, i) of the interior sits at [j + 2, i + 2]
+    g g g g g g g g        and is centred on (x_low + (i + 1/2) h, y_low + (j + 1/2) h)
+    g g . . . . g g
+    g g . . . . g g        sweeps march through the flat array with stride 1 (x) or
+    g g g g g g g g        nx + 4 (y), so that one kernel serves every direction
+    g g g g g g g g
 """
 
 from __future__ import annotations
@@ -48,22 +48,22 @@ class Grid:
     @property
     def x(self) -> Floats:
         """Cell centres in x, (nx,)."""
-        return self.x_low + self.cell * (np.arange(self.nx) + 0.5)
+        return np.asarray(self.x_low + self.cell * (np.arange(self.nx) + 0.5), np.float64)
 
     @property
     def y(self) -> Floats:
         """Cell centres in y, (ny,)."""
-        return self.y_low + self.cell * (np.arange(self.ny) + 0.5)
+        return np.asarray(self.y_low + self.cell * (np.arange(self.ny) + 0.5), np.float64)
 
     @property
     def x_edges(self) -> Floats:
         """Cell edges in x, (nx + 1,)."""
-        return self.x_low + self.cell * np.arange(self.nx + 1)
+        return np.asarray(self.x_low + self.cell * np.arange(self.nx + 1), np.float64)
 
     @property
     def y_edges(self) -> Floats:
         """Cell edges in y, (ny + 1,)."""
-        return self.y_low + self.cell * np.arange(self.ny + 1)
+        return np.asarray(self.y_low + self.cell * np.arange(self.ny + 1), np.float64)
 
 
 def scene_grid(scene: Scene) -> Grid:
@@ -100,7 +100,5 @@ def overlap(edges: Floats, box: tuple[float, float]) -> Floats:
 
 def start_density(grid: Grid, scene: Scene) -> Floats:
     """The start box filled evenly with mass 1, (ny, nx); cells cut by its rim hold their part."""
-    part = np.outer(
-        overlap(grid.y_edges, scene.start.y), overlap(grid.x_edges, scene.start.x)
-    )
+    part = np.outer(overlap(grid.y_edges, scene.start.y), overlap(grid.x_edges, scene.start.x))
     return np.asarray(part / (part.sum() * grid.cell**2))

@@ -73,7 +73,7 @@ def _angular_rate(
 def _steady(steady: Floats | None, d: int, j: int, i: int) -> float:
     if steady is None:
         return 0.0
-    return steady[d, j, i]
+    return float(steady[d, j, i])
 
 
 @kernel
@@ -87,7 +87,7 @@ def _interaction(forces: Forces | None, j: int, i: int) -> tuple[float, float]:
 def _torque_at(torque: Floats | None, j: int, i: int) -> float:
     if torque is None:
         return 0.0
-    return torque[j, i]
+    return float(torque[j, i])
 
 
 @kernel
@@ -152,7 +152,7 @@ def kick_exactly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> 
 
 @parallel_kernel
 def turn(fields: Floats, dt: float) -> None:
-    """phi += dt omega in every cell, in place; nothing where nothing turns."""
+    """Phi += dt omega in every cell, in place; nothing where nothing turns."""
     if fields.shape[0] == 5:
         for j in numba.prange(fields.shape[1]):
             for i in range(fields.shape[2]):
@@ -160,9 +160,7 @@ def turn(fields: Floats, dt: float) -> None:
 
 
 @parallel_kernel
-def step_implicitly(
-    fields: Floats, drift: Floats, terms: CellTerms, dt: float
-) -> None:
+def step_implicitly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> None:
     """One implicit Euler step of all sources, in place; the paper's treatment.
 
         v1 = (v + dt F)/(1 + dt Gamma)

@@ -69,10 +69,17 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
 
 
 def _cfl_step(equation: SplitEquation, cfl: float) -> float:
-    """As long as nothing flies further than cfl cells, while speeds grow by the present drift."""
+    """As long as nothing flies further than cfl cells.
+
+    Speeds grow by the drift F, but with damping Gamma never beyond F/Gamma: the better of the two
+    bounds counts, so that stiff drag costs no steps.
+    """
     speed, _ = largest_rates(equation.fields)
     force = float(np.abs(equation.drift[:2]).max())
-    return _step_for(speed, force, cfl * equation.cell)
+    distance, damping = cfl * equation.cell, equation.terms.damping
+    growing = _step_for(speed, force, distance)
+    terminal = max(speed, force / damping) if damping > 0.0 else np.inf
+    return max(growing, _step_for(terminal, 0.0, distance))
 
 
 class GodunovSplitting:
@@ -86,9 +93,8 @@ class GodunovSplitting:
     def largest_step(self, equation: SplitEquation, cfl: float) -> float:
         """From the fastest cell; from rest, as far as the drift leads."""
         speed, _ = largest_rates(equation.fields)
-        force = float(np.abs(equation.drift[:2]).max())
         distance = cfl * equation.cell
-        return min(_step_for(speed, 0.0, distance), _step_for(0.0, force, distance))
+        return _step_for(speed, 0.0, distance) if speed > 0.0 else _cfl_step(equation, cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""

@@ -43,7 +43,12 @@ def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Flo
 
 @parallel_kernel
 def sweep_rows(
-    flux: Ballistic | Force, fields: Floats, first: NDArray[np.int64], n: int, normal: int, ratio: float
+    flux: Ballistic | Force,
+    fields: Floats,
+    first: NDArray[np.int64],
+    n: int,
+    normal: int,
+    ratio: float,
 ) -> None:
     """Transport along the contiguous axis.
 
@@ -118,9 +123,7 @@ def sweep_columns(
         _march(flux, fields, begin, n, Span(begin, width, stride, normal), ratio)
 
 
-def sweep(
-    flux: Ballistic | Force, fields: Floats, axis: int, normal: int, ratio: float
-) -> None:
+def sweep(flux: Ballistic | Force, fields: Floats, axis: int, normal: int, ratio: float) -> None:
     """Transport padded fields along one axis, in place; their ghosts along it are filled.
 
     Parameters

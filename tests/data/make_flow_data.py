@@ -1,10 +1,11 @@
-"""Make the small solved cases of the flow tests: run again only if foam_cases/cavity changes.
+"""Make the small solved cases of the flow tests: run again only if their foam_cases change.
 
     python tests/data/make_flow_data.py
 
 cavity_16 : foam_cases/cavity on 16 x 16 cells, and in cavity_16/VTK what foamToVTK made of it
 graded    : the same on 12 x 12 cells, the mesh graded towards the lid and one side
 l_shape   : an L of three 6 x 6 blocks, its own lid over the left half
+top_bottom_12 : foam_cases/top_bottom on 12 x 12 cells, which has no stream function
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def _edit(path: Path, old: str, new: str) -> None:
 
 
 def _keep(solved: Path, name: str) -> None:
-    """Copy the mesh, the last time's two fields and the VTK folder, if any, to tests/data."""
+    """Copy the mesh, the last time's fields and the VTK folder, if any, to tests/data."""
     target = HERE / name
     shutil.rmtree(target, ignore_errors=True)
     last = max((p for p in solved.glob("[1-9]*") if p.is_dir()), key=lambda p: float(p.name))
@@ -83,14 +84,15 @@ def _keep(solved: Path, name: str) -> None:
     shutil.copytree(solved / "system", target / "system")
     (target / last.name).mkdir()
     for field in KEPT:
-        shutil.copy(last / field, target / last.name)
+        if (last / field).is_file():
+            shutil.copy(last / field, target / last.name)
     if (solved / "VTK").is_dir():
         step = next(solved.glob("VTK/*_*/internal.vtu")).parent
         shutil.copytree(step, target / "VTK" / f"{name}_{step.name.rpartition('_')[2]}")
 
 
 def main() -> None:
-    """Solve the three cases in a scratch folder and keep what the readers need."""
+    """Solve the cases in a scratch folder and keep what the readers need."""
     with tempfile.TemporaryDirectory() as scratch:
         work = Path(scratch)
         for name in ("cavity_16", "graded", "l_shape"):
@@ -112,6 +114,7 @@ def main() -> None:
                     cwd=solved, env=foam_environment(), check=True, stdout=subprocess.DEVNULL,
                 )  # fmt: skip
             _keep(solved, name)
+        _keep(solve_case("top_bottom", 12, out=work / "top_bottom_12"), "top_bottom_12")
 
 
 if __name__ == "__main__":

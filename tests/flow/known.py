@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay
 
 from ellipsoid_coupling.flow import FlowField, WallVelocity
+from ellipsoid_coupling.flow.polygons import Polygons, polygons
 
 Array = NDArray[np.float64]
 
@@ -43,6 +45,23 @@ def points(number: int, seed: int = 1) -> tuple[Array, Array]:
     """Random points of the unit square, (number,) each."""
     x, y = np.random.default_rng(seed).random((2, number))
     return x, y
+
+
+def shaken(cells: int, corners: int = 3) -> tuple[Array, Polygons]:
+    """Points (P, 2) of a shaken lattice of the unit square; its cells have 3 or 4 corners."""
+    nodes = np.linspace(0.0, 1.0, cells + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
+    shake = np.random.default_rng(0).uniform(-0.3, 0.3, (2, x.size)) / cells
+    at = np.column_stack((
+        x + shake[0] * ((x > 0.0) & (x < 1.0)), y + shake[1] * ((y > 0.0) & (y < 1.0)),
+    ))  # fmt: skip
+    if corners == 3:
+        table = Delaunay(at).simplices.astype(np.int_)
+    else:
+        first = np.add.outer((cells + 1) * np.arange(cells), np.arange(cells)).ravel()
+        table = first[:, None] + np.array([0, 1, cells + 1, cells + 2])
+    owner = np.repeat(np.arange(len(table)), corners)
+    return at, polygons(at, table.ravel(), owner, len(table))
 
 
 def mismatch(case: Path, field: FlowField) -> float:

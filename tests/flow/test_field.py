@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.flow.known import Array, points, spline, velocity
 from scipy.interpolate import BSpline
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, sample_flow
+from tests.flow.known import Array, points, spline, velocity
 
 
 def test_velocity_is_third_order() -> None:

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.flow.known import points, stream, velocity
-from scipy.spatial import Delaunay
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.mesh_flow import MeshFlow, Patch, flow_field
+from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
+from ellipsoid_coupling.flow.polygons import polygons
 from ellipsoid_coupling.flow.reader import _Inside
+from ellipsoid_coupling.flow.stream_function import Patch
+from tests.flow.known import points, shaken, stream, velocity
 
 
 def _irregular(cells: int, sign: float = 1.0) -> MeshFlow:
     """Triangles on a shaken lattice of the unit square, with the known flow on it."""
+    at, cells_at = shaken(cells)
     nodes = np.linspace(0.0, 1.0, cells + 1)
-    x, y = (axis.ravel() for axis in np.meshgrid(nodes, nodes))
-    shake = np.random.default_rng(0).uniform(-0.3, 0.3, (2, x.size)) / cells
-    x = x + shake[0] * ((x > 0.0) & (x < 1.0))
-    y = y + shake[1] * ((y > 0.0) & (y < 1.0))
-    at = np.column_stack((x, y))
-    triangles = Delaunay(at).simplices.astype(np.int_)
-    centres = at[triangles].mean(axis=1)
+    centres = cells_at.centroids(at)
     middles = 0.5 * (nodes[1:] + nodes[:-1])
     ones, zeros = np.ones(cells), np.zeros(cells)
     lid = np.column_stack((velocity(middles, ones)[0], zeros))
@@ -33,8 +31,9 @@ def _irregular(cells: int, sign: float = 1.0) -> MeshFlow:
         "right": Patch(np.column_stack((ones, middles)), still),
     }
     speed = np.column_stack(velocity(centres[:, 0], centres[:, 1]))
-    inside = _Inside(at, triangles)
-    return MeshFlow(at, sign * stream(x, y), centres, speed, sides, inside, "here", "irregular")
+    psi, inside = sign * stream(*at.T), _Inside(at, cells_at.triangles())
+    edges = cells_at.edges()
+    return MeshFlow(at, edges, psi, centres, speed, sides, inside, "here", "irregular")
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -53,19 +52,23 @@ def test_irregular_mesh_converges_whatever_its_sign(sign: float) -> None:
     assert 1.2 < np.log2(errors[0] / errors[1]) < 2.5, errors
 
 
-def test_a_mesh_with_a_hole_is_continued_smoothly() -> None:
+@pytest.mark.parametrize("fitted", [False, True])
+def test_a_mesh_with_a_hole_is_continued_smoothly(fitted: bool) -> None:
     """Least bending across the hole: beside it the field errs by at most 2 % of the top speed."""
     mesh = _irregular(24)
-    # The rim's own points lie a little within it, as the hole is cut from a ragged mesh.
-    away = np.hypot(*(mesh.points - 0.5).T) > 0.2 - 1.5 / 24
 
     def contains(at: np.ndarray) -> np.ndarray:
         return np.asarray(np.hypot(*(at - 0.5).T) > 0.2)
 
+    # The rim's own points lie a little within it, as the hole is cut from a ragged mesh.
     kept = contains(mesh.centres)
+    used, corner = np.unique(shaken(24)[1].triangles()[kept], return_inverse=True)
+    at, owner = mesh.points[used], np.repeat(np.arange(kept.sum()), 3)
+    edges = polygons(at, corner.ravel(), owner, int(kept.sum())).edges()
+    psi = mesh.psi[used] if mesh.psi is not None and not fitted else None
     holed = MeshFlow(
-        mesh.points[away], mesh.psi[away], mesh.centres[kept], mesh.velocity[kept],
-        mesh.patches, contains, "here", "holed",
+        at, edges, psi, mesh.centres[kept], mesh.velocity[kept], mesh.patches, contains,
+        "here", "holed",
     )  # fmt: skip
     field = flow_field(holed)
     x, y = points(4000)
@@ -88,10 +91,37 @@ def test_not_finite_values_are_an_input_error() -> None:
 def test_nodes_that_no_patch_covers_take_their_slope_from_psi() -> None:
     """Without patches all slopes are differences of psi: close, no longer exact."""
     mesh = _irregular(24)
-    bare = MeshFlow(
-        mesh.points, mesh.psi, mesh.centres, mesh.velocity, {}, mesh.contains, "here", "bare"
-    )
+    bare = replace(mesh, patches={})
     nodes = np.linspace(0.0, 1.0, 49)
     lid = flow_field(bare).evaluate(nodes, np.ones(49)).velocity_x
     exact = velocity(nodes, np.ones(49))[0]
     assert np.abs(lid - exact).max() < 0.1 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("factor", [None, 1.1, np.nan])
+def test_without_a_fitting_stream_function_one_is_made(factor: float | None) -> None:
+    """A psi that is 10 % too large, NaN or none at all: U decides, and the origin says so.
+
+    The fit is as good as the exact psi up to 20 %: both leave the interpolation's error.
+    """
+    mesh = _irregular(24)
+    assert mesh.psi is not None
+    psi = None if factor is None else factor * mesh.psi
+    x, y = points(4000)
+    exact = velocity(x, y)
+    errors = []
+    for case in (mesh, replace(mesh, psi=psi)):
+        field = flow_field(case)
+        sample = field.evaluate(x, y)
+        squared = (sample.velocity_x - exact[0]) ** 2 + (sample.velocity_y - exact[1]) ** 2
+        errors.append(float(np.sqrt(np.mean(squared))))
+    assert "fitted to U, as" in field.origin
+    assert errors[1] < 1.2 * errors[0], errors
+
+
+def test_a_velocity_with_sources_is_an_input_error() -> None:
+    """U = r has no stream function: the best one is 100 % off."""
+    mesh = _irregular(8)
+    swelling = replace(mesh, velocity=mesh.centres - 0.5, patches={}, psi=None)
+    with pytest.raises(InputError, match="expected a velocity U without sources"):
+        flow_field(swelling)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.flow.known import points
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, flow_at, obtain, obtain_flow, programs
 from ellipsoid_coupling.flow.obtain import SHIPPED
 from ellipsoid_coupling.flow.openfoam import case_folder
+from tests.flow.known import points
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_shipped_field_is_the_cavity() -> None:
 
 def test_a_path_is_read_whatever_it_is(cavity_16: Path, tmp_path: Path) -> None:
     by_case = obtain_flow("cavity", 64, cavity_16)
-    assert by_case.origin == "given: OpenFOAM case cavity_16, time 3.95"
+    assert by_case.origin == "given: OpenFOAM case cavity_16, time 3.95, its streamFunction"
     by_case.save(tmp_path / "flow.npz")
     for path in (cavity_16 / "VTK", cavity_16 / "VTK" / "cavity_16_79", tmp_path / "flow.npz"):
         sample = flow_at(path).evaluate(*points(50))

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.flow.known import mismatch, points
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import FlowField, programs, reader
+from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.obtain import SHIPPED
 from ellipsoid_coupling.flow.reader import read_case, read_vtk
+from tests.flow.known import mismatch, points
 
 DATA = Path(__file__).parents[1] / "data"
 Edit = Callable[[Path], None]
@@ -26,7 +26,7 @@ def test_field_is_the_cases_velocity(cavity_16: Path) -> None:
     assert mismatch(cavity_16, field) < 0.08
     assert field.cells == (16, 16)
     assert field.bounds == (0.0, 1.0, 0.0, 1.0)
-    assert field.origin == "OpenFOAM case cavity_16, time 3.95"
+    assert field.origin == "OpenFOAM case cavity_16, time 3.95, its streamFunction"
 
 
 def test_both_readers_agree_to_single_precision(cavity_16: Path) -> None:
@@ -115,7 +115,6 @@ FIRST_VECTOR = r"(?<=\n\()\(\S+ \S+ \S+\)|(?<=\n)\(\S+ \S+ 0\)\n"
         (_remove("[1-9]*/U"), "expected a velocity field U"),
         (_rewrite(*THIRD_LAYER), "found a 3-D mesh"),
         (_rewrite(FIRST_VECTOR, "(nan 0 0)\n", "[1-9]*/U"), "NaN or infinite"),
-        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "NaN or infinite"),
     ],
 )
 def test_bad_case_is_an_input_error(
@@ -136,28 +135,62 @@ def test_missing_folder_is_an_input_error(tmp_path: Path) -> None:
         read_vtk(tmp_path / "nowhere")
 
 
-def test_foreign_stream_function_is_an_input_error(cavity_16: Path, tmp_path: Path) -> None:
-    """A stream function that has nothing to do with U must not become the flow."""
-    case = tmp_path / "case"
-    shutil.copytree(cavity_16, case)
+def _noise(case: Path) -> None:
     (path,) = case.glob("[1-9]*/streamFunction")
     noise = iter(np.random.default_rng(0).random(1000))
     text = path.read_text(encoding="utf-8")
     text = re.sub(r"(?m)^-?\d\.\d+(e-\d+)?$", lambda _: f"{next(noise):.6f}", text)
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="whose derivatives are U"):
-        read_case(case)
 
 
-def test_without_stream_function_and_openfoam_the_remedy_is_named(
-    cavity_16: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("edit", "why"),
+    [
+        (_remove("[1-9]*/streamFunction"), "the case has none"),
+        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "has none"),
+        (_noise, "the case's is \\d+ % off"),
+    ],
+)
+def test_without_its_stream_function_the_case_gives_the_same_flow(
+    cavity_16: Path, tmp_path: Path, edit: Edit, why: str
 ) -> None:
+    """Fitted to U against that of the face fluxes: 4.4e-3 of the lid's speed rms on 16 cells.
+
+    The mesh's own error there is 5 times that; test_openfoam holds the order. Walls stay tight.
+    """
     case = tmp_path / "case"
     shutil.copytree(cavity_16, case)
-    _remove("[1-9]*/streamFunction")(case)
-    monkeypatch.setattr(reader, "openfoam_available", lambda: False)
-    with pytest.raises(InputError, match="postProcess -func streamFunction"):
-        read_case(case)
+    edit(case)
+    before = sorted(case.rglob("*"))
+    fitted, own = read_case(case), read_case(cavity_16)
+    assert sorted(case.rglob("*")) == before
+    assert re.search(f"stream function fitted to U, as .*{why}", fitted.origin)
+    a, b = (field.evaluate(*points(4000)) for field in (fitted, own))
+    distance = np.hypot(a.velocity_x - b.velocity_x, a.velocity_y - b.velocity_y)
+    assert np.sqrt(np.mean(distance**2)) < 5e-3
+    along, ones = np.linspace(0.0, 1.0, 400), np.ones(400)
+    for wall in (0.0, 1.0):
+        assert np.abs(fitted.evaluate(wall * ones, along).velocity_x).max() < 1e-15
+        assert np.abs(fitted.evaluate(along, wall * ones).velocity_y).max() < 1e-15
+
+
+def test_a_linear_flow_without_stream_function_is_exact() -> None:
+    """The flow (-x, y) on 12 x 12 cells: inflow and outflow on all sides, no OpenFOAM here.
+
+    The solver is 0.2 h^2/nu = 1.3e-8 off, single precision 1e-7; so are edges, corners and what
+    lies outside, where the rim's polynomial goes on. Gradients lose a factor 1/h: 2e-6.
+    """
+    field = read_case(DATA / "top_bottom_12")
+    assert field.origin.endswith("stream function fitted to U, as the case has none")
+    assert field.bounds == (-1.5, 1.5, -1.5, 1.5)
+    x, y = np.meshgrid(np.linspace(-1.8, 1.8, 145), np.linspace(-1.8, 1.8, 145))
+    sample = field.evaluate(x, y)
+    np.testing.assert_array_equal(sample.inside, np.maximum(np.abs(x), np.abs(y)) <= 1.5 + 1e-9)
+    np.testing.assert_allclose(sample.velocity_x, -x, atol=1e-6)
+    np.testing.assert_allclose(sample.velocity_y, y, atol=1e-6)
+    np.testing.assert_allclose(sample.dux_dx, -1.0, atol=5e-6)
+    for zero in (sample.dux_dy, sample.duy_dx):
+        np.testing.assert_allclose(zero, 0.0, atol=5e-6)
 
 
 @pytest.mark.parametrize("content", ["", "<VTKFile type='nonsense'/>", "not xml at all"])
@@ -165,18 +198,3 @@ def test_unreadable_vtu_is_an_input_error(tmp_path: Path, content: str) -> None:
     (tmp_path / "internal.vtu").write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match="a file that meshio reads"):
         read_vtk(tmp_path)
-
-
-@pytest.mark.openfoam
-@pytest.mark.skipif(not programs.openfoam_available(), reason="OpenFOAM is not installed")
-def test_a_case_without_flux_cannot_get_its_stream_function(
-    cavity_16: Path, tmp_path: Path
-) -> None:
-    """OpenFOAM runs in a copy; the user's folder stays as it was."""
-    case = tmp_path / "case"
-    shutil.copytree(cavity_16, case)
-    _remove("[1-9]*/streamFunction")(case)
-    before = sorted(case.rglob("*"))
-    with pytest.raises(InputError, match="flux phi"):
-        read_case(case)
-    assert sorted(case.rglob("*")) == before

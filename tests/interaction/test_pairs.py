@@ -72,7 +72,9 @@ def test_ghosts_act_like_particles_with_their_factor() -> None:
     place, axis = particles(40)
     ghost_place, ghost_axis = particles(7)
     pairs = pairs_of(shape)
-    ghosts, _ = sort_by_cell(*ghost_place[:2], *ghost_axis, pairs.grid)
+    ghosts, _ = sort_by_cell(
+        ghost_place[0], ghost_place[1], ghost_axis[0], ghost_axis[1], pairs.grid
+    )
     force, plain = np.zeros((3, 40)), np.zeros((3, 40))
     add_pair_forces(place, axis, pairs._replace(ghosts=ghosts, ghost_factor=10.0), force)
     add_pair_forces(place, axis, pairs, plain)

@@ -7,6 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
@@ -15,6 +16,9 @@ from ellipsoid_coupling.models import Setup, build_model, parts
 from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
 from ellipsoid_coupling.scenes import load_scene, terms_of
+from ellipsoid_coupling.schemes.noise import gaussian_block
+
+Floats = NDArray[np.float64]
 
 SMALL = {"particles.number": 60, "particles.realisations": 3, "times": [0.4]}
 
@@ -46,7 +50,7 @@ def test_same_bits_on_one_thread_and_on_two(
     threads = numba.get_num_threads()
     ends = []
     try:
-        for count in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        for count in (1, min(2, threads)):
             numba.set_num_threads(count)
             ends.append(run(model_of("rotation", part, rotation_flow, scheme), 0.4).snapshot())
     finally:
@@ -88,11 +92,13 @@ def test_without_interaction_nobody_looks_for_neighbours(
 def test_without_noise_no_random_number_is_drawn(
     rotation_flow: FlowField, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn = []
-    original = module.gaussian_block
-    monkeypatch.setattr(
-        module, "gaussian_block", lambda *a: drawn.append(a[3]) or original(*a)
-    )
+    drawn: list[int] = []
+
+    def counted(seed: int, realisation: int, block: int, components: int, number: int) -> Floats:
+        drawn.append(components)
+        return gaussian_block(seed, realisation, block, components, number)
+
+    monkeypatch.setattr(module, "gaussian_block", counted)
     run(model_of("rotation", {}, rotation_flow), 0.1)
     assert drawn == []
     only_a = {"noise.noise": 1.0, "noise.angular_noise": 0.0}
@@ -104,9 +110,7 @@ def test_circles_carry_no_torque_and_still_scenes_no_angle(rotation_flow: FlowFi
     circles = model_of("rotation", {"particles.width": 0.1}, rotation_flow)
     assert circles._drift.pairs is not None
     assert circles._drift.pairs.torque_weight is None
-    still = model_of(
-        "rotation", {"particles.width": 0.1, "flow.angular_drag": 0.0}, rotation_flow
-    )
+    still = model_of("rotation", {"particles.width": 0.1, "flow.angular_drag": 0.0}, rotation_flow)
     assert still.state()["place"].shape[1] == 2
     end = run(still, 0.1).snapshot()
     assert np.all(end["angle"] == np.pi / 2)

@@ -45,7 +45,7 @@ def cavity_flow() -> FlowField:
 def test_one_filled_cell_follows_the_particles_equation(
     scheme: str, rotation_flow: FlowField
 ) -> None:
-    """v' = u - v, omega' = -1 - omega (circles): first order in dt (at most 3e-3), second order."""
+    """V' = u - v, omega' = -1 - omega (circles): first order in dt (at most 3e-3), second order."""
     start = {"start.x": [0.48, 0.52], "start.y": [-0.02, 0.02], "particles.width": 0.1}
     settings = FREE | start | {"numerics.cell": 0.02, "numerics.cfl": 2e-4}
     model = run(model_of(load_scene("rotation", settings), rotation_flow, scheme), 0.05)
@@ -73,7 +73,8 @@ def smooth_start(model: RhoEquation) -> None:
 
 def exact_smooth_density(x: Floats, y: Floats, t: float) -> Floats:
     """Trajectories are linear, r(t) = M r(0): rho(t, r) = rho_0(M^-1 r)/det M, M by the matrix
-    exponential of r'' = G r - r'."""
+    exponential of r'' = G r - r'.
+    """
     from scipy.linalg import expm
 
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -88,7 +89,7 @@ def exact_smooth_density(x: Floats, y: Floats, t: float) -> Floats:
 
 @pytest.mark.parametrize(("scheme", "order"), [("paper", 1), ("accurate", 2)])
 def test_order_in_space_and_time(scheme: str, order: int, rotation_flow: FlowField) -> None:
-    """h and dt halved together on smooth data: the declared order within 0.3."""
+    """H and dt halved together on smooth data: the declared order within 0.3."""
     errors = []
     for cell in (0.05, 0.025, 0.0125):
         model = model_of(smooth_scene(cell), rotation_flow, scheme)
@@ -199,5 +200,5 @@ def test_a_step_that_turns_out_too_long_is_repeated(rotation_flow: FlowField) ->
     assert model.counts()["rejected_steps"] > 0
     assert model.time < 1.0
     model.drift[:] = np.nan
-    with pytest.raises(RunError, match="remedy|smaller|fell below"):
+    with pytest.raises(RunError, match="fell below"):
         model._step(0.1, 5.0)

@@ -35,7 +35,7 @@ def test_jeffery_equals_the_matrix_form(angle: float) -> None:
     along = np.array([math.cos(angle), math.sin(angle)])
     strain = 0.5 * (gradient + gradient.T)
     expected = 0.5 * (gradient[1, 0] - gradient[0, 1]) + 0.6 * across @ strain @ along
-    assert turning(angle, *gradient.ravel(), 0.6) == pytest.approx(expected, abs=1e-15)
+    assert turning(angle, 0.3, -1.1, 0.7, -0.3, 0.6) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_circle_turns_with_the_fluid() -> None:

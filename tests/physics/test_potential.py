@@ -40,7 +40,7 @@ def defined(arguments: Complexes, length: float, width: float) -> complex:
 
     def gaussian(angle: complex) -> Complexes:
         axis = np.array([np.cos(angle), np.sin(angle)])
-        return (l2 - d2) * np.outer(axis, axis) + d2 * np.eye(2)
+        return np.asarray((l2 - d2) * np.outer(axis, axis) + d2 * np.eye(2), np.complex128)
 
     delta = np.array([-x, -y])
     s = delta @ np.linalg.inv(gaussian(theta) + gaussian(bar)) @ delta
@@ -51,7 +51,7 @@ def defined(arguments: Complexes, length: float, width: float) -> complex:
 def derivatives(arguments: NDArray[np.float64], length: float, width: float) -> list[float]:
     """By the complex step, exact to rounding: no difference of nearly equal numbers is taken."""
     step = 1e-30
-    found = []
+    found: list[float] = []
     for i in range(3):
         shifted = arguments.astype(np.complex128)
         shifted[i] += 1j * step
@@ -65,7 +65,8 @@ def test_potential_and_derivatives_equal_the_definition(aspect: float) -> None:
     rng = np.random.default_rng(int(10 * aspect))
     length, width = 0.05, 0.05 / aspect
     shape = potential_shape(length, width)
-    found, expected = [], []
+    found: list[tuple[float, ...]] = []
+    expected: list[tuple[float, ...]] = []
     while len(found) < 200:
         place = rng.uniform(-shape.reach, shape.reach, 2)
         angles = rng.uniform(0, 2 * math.pi, 2)

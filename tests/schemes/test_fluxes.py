@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -104,7 +105,7 @@ def test_compiled_sweep_equals_its_plain_twin(flux: Any, implementation: Any) ->
 
 @pytest.mark.parametrize(("flux", "order"), [(Force(0.0), 1), (Ballistic(), 2)])
 def test_order_on_a_smooth_flight(flux: Any, order: int) -> None:
-    """rho = 1 + sin/2 flying with v = 1 + sin(2 pi x)/4 for t = 0.1, periodic; slope within 0.3.
+    """Rho = 1 + sin/2 flying with v = 1 + sin(2 pi x)/4 for t = 0.1, periodic; slope within 0.3.
 
     Exact: the density at x + v(x) t is rho(x) / (1 + v'(x) t), and v is carried along.
     """
@@ -124,7 +125,7 @@ def test_order_on_a_smooth_flight(flux: Any, order: int) -> None:
             fill_periodic(fields, 2)
             sweep(flux, fields, -1, 1, 0.1 / steps * n)
         errors.append(np.abs(interior(fields)[0, 0] - _flown_means(edges, mass, n)).mean())
-    slopes = [math.log2(a / b) for a, b in zip(errors, errors[1:], strict=False)]
+    slopes = [math.log2(a / b) for a, b in itertools.pairwise(errors)]
     assert slopes[-1] == pytest.approx(order, abs=0.3)
 
 

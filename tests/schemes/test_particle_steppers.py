@@ -60,7 +60,7 @@ def march(
 
 
 def stagnation_truth(x: float, y: float, t: float) -> tuple[float, float]:
-    """x'' = -x - x', y'' = y - y' from rest."""
+    """X'' = -x - x', y'' = y - y' from rest."""
     w = math.sqrt(3.0) / 2.0
     decay = math.exp(-t / 2.0)
     root = math.sqrt(5.0)

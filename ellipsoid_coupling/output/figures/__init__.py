@@ -13,6 +13,7 @@ from ellipsoid_coupling.output.figures.every import draw_all
 from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
+from ellipsoid_coupling.output.figures.stability import draw_stability
 
 __all__ = [
     "DecayCurve",
@@ -29,4 +30,5 @@ __all__ = [
     "draw_frontier",
     "draw_rates",
     "draw_sketch",
+    "draw_stability",
 ]

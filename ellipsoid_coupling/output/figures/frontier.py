@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ellipsoid_coupling.output.figures.annotations import place_labels
 from ellipsoid_coupling.output.figures.canvas import (
@@ -86,11 +87,14 @@ def frontier_figure(
     for (axes, kind, index), lines in zip(parts, drawn, strict=True):
         for (model, scheme), points in lines.items():
             _add_line(axes, model, scheme, points)
-        axes.set(xscale="log", yscale="log", xlabel="run time in s, without compiling")
+        axes.set(xlabel="run time in s, without compiling")
         axes.set_ylabel(f"L1 error of the {kind}{' distribution' if kind == 'angle' else ''}")
         axes.margins(0.14, 0.12)
+        if lines:  # a logarithmic axis without a positive number has no limits
+            axes.set(xscale="log", yscale="log")
+            _name_ticks(axes)
         axes.grid(visible=True, which="major", color="0.92", linewidth=0.6)
-        if noise is not None:
+        if noise is not None and lines and noise[index] > 0.0:
             _add_noise(axes, noise[index])
     handles, labels = density.get_legend_handles_labels()
     if handles:
@@ -115,6 +119,14 @@ def _add_line(axes: Axes, model: str, scheme: str, points: Sequence[Point]) -> N
         markerfacecolor="white" if baseline else style.colour,
         label=f"{model_name(model)}, {scheme}",
     )
+
+
+def _name_ticks(axes: Axes) -> None:
+    """Plain numbers at 1, 2 and 5 times a power of ten: readable within one decade and over four."""
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _add_noise(axes: Axes, error: float) -> None:

@@ -17,8 +17,9 @@ cell's rho a is kept), the depth that empties through the upper face and what it
 Slopes are limited (factor 2 for the density, 3/2 for the carried quantities, since a face is up to
 2/3 from the centre of mass), so every new value is a mean of old ones with positive weights: the
 density stays positive up to the CFL number 1, vacuum included, and carried quantities stay within
-their neighbours' range (2 % beyond it at smooth extrema, which are not flattened). A cell beside vacuum takes its slope from its other neighbour. The splitting
-into directions is exact, since a particle's velocity does not change in flight.
+their neighbours' range (2 % beyond it at smooth extrema, which are not flattened). A cell beside
+vacuum takes its slope from its other neighbour. The splitting into directions is exact, since a
+particle's velocity does not change in flight.
 
 After F. Bouchut, "On zero pressure gas dynamics", 1994, and van Leer's slopes, 1977.
 """

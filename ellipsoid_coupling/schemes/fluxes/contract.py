@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 # Component 0 of every system is the density; below this it counts as vacuum (and is set to 0).
 DENSITY = 0
+_OPTIONS: Any = KERNEL_OPTIONS
 VACUUM = 1e-30
 
 
@@ -60,6 +61,7 @@ def outflow(
     work : (6, width or more)
         Scratch rows.
     """
+    del fields, span, ratio, up, down, work
     raise TypeError(f"{type(flux).__name__} has no overload of outflow")
 
 
@@ -72,4 +74,4 @@ def register_flux(flux_type: type[Any], implementation: Callable[..., None]) -> 
         del fields, span, ratio, up, down, work
         return implementation if getattr(flux, "instance_class", None) is flux_type else None
 
-    overload(outflow, strict=False, jit_options=KERNEL_OPTIONS)(choose)
+    overload(outflow, strict=False, jit_options=_OPTIONS)(choose)

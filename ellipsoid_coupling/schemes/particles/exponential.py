@@ -151,9 +151,7 @@ def _noise_of(
 
 
 @kernel
-def _predict(
-    state: ParticleState, k: int, d: int, linear: LinearStep, trial: Trial
-) -> None:
+def _predict(state: ParticleState, k: int, d: int, linear: LinearStep, trial: Trial) -> None:
     """The position at the step's end for a constant drift, before noise."""
     place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
     for i in range(place.size):
@@ -279,12 +277,18 @@ def _step_factor(error: float) -> float:
     """How much longer the next step may be: the estimate is of third order in dt, 0.9 aims below."""
     if not math.isfinite(error):
         return 0.1
-    return min(2.0, max(0.3, 0.9 * (error + 1e-6) ** (-1.0 / 3.0)))
+    return min(2.0, max(0.3, 0.9 / math.cbrt(error + 1e-6)))
 
 
 @kernel
 def _advance_one(
-    state: ParticleState, k: int, drift: Drift, rates: Rates, limits: Limits, until: float, steps: int
+    state: ParticleState,
+    k: int,
+    drift: Drift,
+    rates: Rates,
+    limits: Limits,
+    until: float,
+    steps: int,
 ) -> None:
     clock = state.clock[k]
     shape = state.place[k].shape

@@ -73,7 +73,12 @@ def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
 def _step(
     state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
 ) -> None:
-    place, velocity, force, clock = state.place[k], state.velocity[k], state.force[k], state.clock[k]
+    place, velocity, force, clock = (
+        state.place[k],
+        state.velocity[k],
+        state.force[k],
+        state.clock[k],
+    )
     clock[OUTSIDE] = particle_forces(drift, place, force)
     _kick(velocity, force, rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
@@ -86,7 +91,13 @@ def _step(
 
 @kernel
 def _advance_one(
-    state: ParticleState, k: int, drift: Drift, rates: Rates, limits: Limits, until: float, steps: int
+    state: ParticleState,
+    k: int,
+    drift: Drift,
+    rates: Rates,
+    limits: Limits,
+    until: float,
+    steps: int,
 ) -> None:
     clock = state.clock[k]
     for step in range(steps):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ class Limits(NamedTuple):
 @kernel
 def equal_steps(remaining: float, largest: float) -> float:
     """The step that reaches the end in the fewest equal steps, none above `largest`."""
-    return remaining / np.ceil(remaining / largest * (1.0 - 1e-12))
+    return remaining / math.ceil(remaining / largest * (1.0 - 1e-12))
 
 
 @kernel
@@ -94,7 +95,8 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
     """The normal numbers (components, N) of one step of realisation k."""
     if noise is None:
         return None
-    return noise[k, step]
+    rows: Floats = noise[k, step]
+    return rows
 
 
 @kernel

@@ -1,0 +1,90 @@
+"""The least-squares stream function: exact for linear flows, second order, walls constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.flow.polygons import Polygons
+from ellipsoid_coupling.flow.stream_function import Patch, stream_function
+from tests.flow.known import Array, shaken, stream, velocity
+
+Velocity = Callable[[Array, Array], tuple[Array, Array]]
+Mesh = tuple[Array, Polygons]
+
+
+def _fit(mesh: Mesh, u: Velocity, repeats: bool = False) -> Array:
+    """The fit to u on a mesh, with u on one patch all around, or there the cells' own velocity."""
+    points, cells = mesh
+    edges, centres = cells.edges(), cells.centroids(points)
+    speed = np.column_stack(u(*centres.T))
+    rim = edges.cells[:, 1] < 0
+    middle = points[edges.points[rim]].mean(axis=1)
+    around = speed[edges.cells[rim, 0]] if repeats else np.column_stack(u(*middle.T))
+    return stream_function(points, edges, centres, speed, {"around": Patch(middle, around)})
+
+
+def _linear(x: Array, y: Array) -> tuple[Array, Array]:
+    """Of psi = 3 x - x y / 2 + y^2 - x^2, so that nowhere on the rim the flux vanishes."""
+    return -0.5 * x + 2.0 * y, -3.0 + 0.5 * y + 2.0 * x
+
+
+@pytest.mark.parametrize(("corners", "repeats"), [(3, False), (4, False), (4, True)])
+def test_linear_flows_are_exact_on_any_mesh(corners: int, repeats: bool) -> None:
+    """Rounding only, whether the boundary gives u or merely repeats the cells, as outlets do."""
+    mesh = shaken(9, corners)
+    psi = _fit(mesh, _linear, repeats)
+    x, y = mesh[0].T
+    exact = 3.0 * x - 0.5 * x * y + y**2 - x**2
+    assert np.abs(psi - psi[0] - exact + exact[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+def test_other_flows_are_second_order(corners: int) -> None:
+    errors = []
+    for cells in (16, 32, 64):
+        mesh = shaken(cells, corners)
+        psi, exact = _fit(mesh, velocity), stream(*mesh[0].T)
+        errors.append(float(np.sqrt(np.mean((psi - psi[0] - exact + exact[0]) ** 2))))
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert np.all((orders > 1.8) & (orders < 2.3)), (errors, orders)
+
+
+def test_walls_are_constant_to_rounding() -> None:
+    """Up to the rounding of sin(pi) in the flux that is given: cells must not pull at it."""
+    mesh = shaken(12)
+    psi = _fit(mesh, velocity)
+    on_wall = np.any((mesh[0] == 0.0) | (mesh[0] == 1.0), axis=1)
+    assert np.ptp(psi[on_wall]) < 1e-15
+
+
+def test_a_part_of_the_boundary_without_patch_follows_the_cells() -> None:
+    """Fluxes through three sides given, the fourth from the cells: a linear flow stays exact."""
+    points, cells = shaken(6, 4)
+    edges, centres = cells.edges(), cells.centroids(points)
+    middle = points[edges.points[edges.cells[:, 1] < 0]].mean(axis=1)
+    middle = middle[middle[:, 0] < 1.0]
+    patch = Patch(middle, np.column_stack(_linear(*middle.T)))
+    speed = np.column_stack(_linear(*centres.T))
+    psi = stream_function(points, edges, centres, speed, {"three": patch})
+    x, y = points.T
+    exact = 3.0 * x - 0.5 * x * y + y**2 - x**2
+    assert np.abs(psi - psi[0] - exact + exact[0]).max() < 1e-12
+
+
+def test_polygons_know_their_parts() -> None:
+    """Nine quadrilaterals: 24 edges, 12 of them outside; fans and centroids fill the square."""
+    points, cells = shaken(3, 4)
+    edges = cells.edges()
+    assert edges.points.shape == (24, 2)
+    assert np.count_nonzero(edges.cells[:, 1] < 0) == 12
+    a, b, c = np.moveaxis(points[cells.triangles()], 1, 0)
+    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    assert area.shape == (18,)
+    assert np.all(area > 0.0)
+    np.testing.assert_allclose(area.sum(), 1.0, rtol=1e-14)
+    # The centroids' mean, weighted with the cells' areas, is the square's centre.
+    weights = area.reshape(9, 2).sum(axis=1)
+    np.testing.assert_allclose(weights @ cells.centroids(points), [0.5, 0.5], rtol=1e-14)

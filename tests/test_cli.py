@@ -1,0 +1,132 @@
+"""The command line: exit statuses, one clear message, folders."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ellipsoid_coupling.cli import main
+from ellipsoid_coupling.flow.obtain import SHIPPED
+from ellipsoid_coupling.result import Result
+
+FLOW = ["--flow", str(SHIPPED / "cavity.npz")]
+SMALL = ["--set", "particles.number=30", "numerics.cell=0.1", "times=[0.1, 0.2]"]
+SMALL += ["particles.realisations=2", "particles.length=0.1", "particles.width=0.05"]
+
+
+def status_of(*tokens: str) -> int:
+    try:
+        main(list(tokens))
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def run_small(folder: Path, model: str, scene: str = "cavity_free") -> None:
+    assert status_of("run", scene, "--model", model, *FLOW, *SMALL, "--out", str(folder)) == 0
+
+
+def test_run_leaves_a_run_folder_and_prints_its_path_last(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_small(tmp_path / "a", "microscopic", "cavity")
+    out, err = capsys.readouterr()
+    assert out.strip().splitlines()[-1] == str(tmp_path / "a")
+    assert "100 %" in err  # plain lines, as there is no terminal
+    assert "\x1b" not in err
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["result.nc", "run.toml"]
+
+
+def test_a_run_is_repeated_from_its_run_toml(tmp_path: Path) -> None:
+    run_small(tmp_path / "a", "microscopic")
+    again = ["run", str(tmp_path / "a" / "run.toml"), *FLOW, "--out", str(tmp_path / "b")]
+    assert status_of(*again) == 0
+    first, second = Result.load(tmp_path / "a"), Result.load(tmp_path / "b")
+    assert (first.variables["x"] == second.variables["x"]).all()
+
+
+BAD: list[tuple[list[str], str]] = [
+    (["run", "cavity", "--model", "nonsense", *FLOW], "rho_mono_kinetic"),
+    (["run", "cavity", "--model", "microscopic", "--scheme", "best", *FLOW], "accurate"),
+    (["run", "no_scene", "--model", "microscopic"], "cavity_free"),
+    (["run", "cavity"], "--model"),
+    (["run", "cavity", "--model", "microscopic", "--set", "nonsense"], "key=value"),
+    (["run", "cavity", "--model", "microscopic", "--set", "particles.size=3"], "particles.size"),
+    (["run", "cavity", "--model", "microscopic", "--set", "particles.length=-1"], "greater than 0"),
+    (["run", "cavity", "--model", "microscopic", "--flow", "nowhere"], "nowhere"),
+    (["run", "cavity", "--model", "microscopic", "--resume"], "--out"),
+    (["run", "cavity", "--model", "microscopic", "--realisations", "0", *FLOW], "1 or more"),
+    (["run", "cavity", "--modell", "microscopic"], "--model"),
+    (["run"], "SCENE"),
+    (["plan", "cavity", "--model", "nonsense"], "microscopic"),
+    (["flow", "no_such_case"], "no_such_case"),
+    (["compare", "nowhere"], "nowhere"),
+    (["figures", "nowhere"], "nowhere"),
+    (["export", "nowhere"], "nowhere"),
+    (["sail"], "sail"),
+]
+
+
+@pytest.mark.parametrize(("tokens", "told"), BAD, ids=lambda value: " ".join(value)[:60])
+def test_bad_input_gets_one_message_and_status_2(
+    tokens: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(*tokens) == 2
+    out, err = capsys.readouterr()
+    assert told in err
+    assert "Traceback" not in err + out
+
+
+def test_a_failed_run_has_status_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stiff = [*SMALL, "flow.drag=1e6", "times=[5.0]"]
+    tokens = ["run", "cavity_free", "--model", "microscopic", "--scheme", "paper", *FLOW, *stiff]
+    assert status_of(*tokens, "--out", str(tmp_path)) == 1
+    assert "no longer finite" in capsys.readouterr().err
+    assert Result.load(tmp_path).status.startswith("failed")
+
+
+def test_plan_lists_every_term(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("plan", "cavity_free", "--model", "rho_mono_kinetic") == 0
+    out = capsys.readouterr().out
+    for term in ("flow", "interaction", "walls", "outer_potential", "noise", "angle"):
+        assert term in out
+    assert "no [interaction]: no neighbour list, no kernel spectra" in out
+
+
+def test_compare_export_and_figures_of_finished_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The flow of later commands comes as it does for `run`: here, as if OpenFOAM were missing."""
+    monkeypatch.setattr("ellipsoid_coupling.flow.obtain.openfoam_available", lambda: False)
+    runs = [str(tmp_path / model) for model in ("microscopic", "rho_mono_kinetic")]
+    for folder in runs:
+        run_small(Path(folder), Path(folder).name)
+    assert status_of("compare", *runs, *FLOW, "--out", str(tmp_path / "compare")) == 0
+    assert (tmp_path / "compare" / "errors.csv").is_file()
+    assert len(list((tmp_path / "compare").glob("*.png"))) == 1
+    assert status_of("figures", *runs, "--out", str(tmp_path / "figures")) == 0
+    assert len(list((tmp_path / "figures").glob("*.png"))) >= 4
+    for folder in runs:
+        assert status_of("export", folder) == 0
+        assert list(Path(folder, "paraview").glob("*.pvd"))
+    assert capsys.readouterr().out.strip().splitlines()[-1] == str(Path(runs[-1]) / "paraview")
+
+
+def test_every_command_has_help(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("flow", "plan", "run", "compare", "stability", "export", "figures"):
+        assert status_of(command, "--help") == 0
+        assert command in capsys.readouterr().out
+
+
+def test_both_ways_to_start_it() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "ellipsoid_coupling", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout.strip() == "0.1.0"

@@ -46,6 +46,8 @@ MAPPED_FROM = 80
 COARSE_SHARE = 0.25
 # What the case's function object writes into the log when it ends the run.
 AT_REST = "velocity condition satisfied"
+# What streamFunction writes into the log before it computes a wrong one.
+NO_START = "Zero flux boundary face not found"
 
 
 def case_folder(case: str | Path) -> Path:
@@ -121,7 +123,7 @@ def solve_case(
     cells : per direction, instead of the number in the case's system/parameters
     processes : for icoFoam; they do not change the solution beyond the solvers' tolerances
     out : where the solved case goes, instead of the cache; new, or this very case solved
-    report : called with the stage and the fraction done, 0 to 1
+    report : called with the stage, "flow CASE, N cells: what", and the fraction done, 0 to 1
 
     Raises InputError for what is no such case; RunError if OpenFOAM is missing, a program fails or
     the flow has not come to rest at endTime. The failed run is kept beside the result's place.
@@ -147,10 +149,12 @@ def solve_case(
     if number >= MAPPED_FROM:
         share = COARSE_SHARE
         coarse = solve_case(source, number // 2, report=lambda s, f: tell(s, share * f))
+    stage = f"flow {source.name}, {number} cells"
     _solve_into(
-        target, source, number, processes, coarse, lambda s, f: tell(s, share + (1 - share) * f)
-    )
-    tell("flow at rest", 1.0)
+        target, source, number, processes, coarse,
+        lambda what, done: tell(f"{stage}: {what}", share + (1.0 - share) * done),
+    )  # fmt: skip
+    tell(f"{stage}: at rest", 1.0)
     return target
 
 
@@ -212,7 +216,10 @@ def _run_programs(case: Path, coarse: Path | None, processes: int, tell: Report)
         for part in case.glob("processor*"):
             shutil.rmtree(part)
     tell("stream function", 0.95)
-    run_program(case, ["postProcess", "-func", "streamFunction", "-latestTime"])
+    log = run_program(case, ["postProcess", "-func", "streamFunction", "-latestTime"])
+    if NO_START in log.read_text(encoding="utf-8"):
+        for wrong in case.glob("*/streamFunction*"):
+            wrong.unlink()
 
 
 def _follow_residual(at_rest: float, tell: Report) -> Follow:
@@ -220,9 +227,8 @@ def _follow_residual(at_rest: float, tell: Report) -> Follow:
 
     def follow(grown: str) -> None:
         residuals = re.findall(r"Solving for Ux, Initial residual = ([^,\s]+),", grown)
-        times = re.findall(r"(?m)^Time = (\S+)$", grown)
-        if residuals and times:
+        if residuals:
             fraction = math.log(max(float(residuals[-1]), at_rest)) / math.log(at_rest)
-            tell(f"icoFoam, t = {times[-1]}", 0.05 + 0.85 * min(max(fraction, 0.0), 1.0))
+            tell("icoFoam", 0.05 + 0.85 * min(max(fraction, 0.0), 1.0))
 
     return follow

@@ -7,8 +7,6 @@ takes longer than computing a small scene.
 from __future__ import annotations
 
 import re
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,14 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.mesh_flow import MeshFlow, Patch, flow_field
-from ellipsoid_coupling.flow.programs import openfoam_available, run_program
+from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
+from ellipsoid_coupling.flow.polygons import Index, polygons
+from ellipsoid_coupling.flow.stream_function import Patch
 
 Array = NDArray[np.float64]
-
-STREAM_REMEDY = "Run 'postProcess -func streamFunction -latestTime' in the case."
 
 # 0, 0.5, 12, 1e-05, but not 0.orig
 TIME = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")
@@ -34,16 +31,19 @@ NOT_FINITE = re.compile(rb"[\s(][-+]?(nan|inf)", re.IGNORECASE)
 class _Cells(NamedTuple):
     """Cells by their points: those of cell k are points[offsets[k]:offsets[k+1]]."""
 
-    points: NDArray[np.int_]
-    offsets: NDArray[np.int_]
+    points: Index
+    offsets: Index
 
 
 class _Raw(NamedTuple):
-    """What both libraries give: 3-D points, cells, fields, patches (centres, velocity), all 3-D."""
+    """What both libraries give: 3-D points, cells, fields, patches (centres, velocity), all 3-D.
+
+    psi is None where there is none, or none that VTK reads.
+    """
 
     points: Array
     cells: _Cells
-    psi: Array
+    psi: Array | None
     velocity: Array
     patches: Mapping[str, tuple[Array, Array]]
 
@@ -56,18 +56,13 @@ def read_case(folder: Path) -> FlowField:
     folder : the case folder, or a .foam file in it; nothing is written there
 
     Raises InputError if the folder is missing or no case, if only time 0 is there, if the mesh is
-    more than one cell thick, if U is missing or not finite, or if there is no stream function and
-    none can be computed.
+    more than one cell thick, or if U is missing, not finite or not free of sources.
     """
     case = folder.parent if folder.suffix == ".foam" else folder
     _require_case(case)
     time = _last_time(case)
-    if (case / time / "streamFunction").exists() or (case / time / "streamFunction.gz").exists():
-        raw = _read_foam(case, case)
-    else:
-        raw = _read_with_stream_function(case, time)
     origin = f"OpenFOAM case {case.resolve().name}, time {time}"
-    return flow_field(_plane(raw, str(case), origin))
+    return flow_field(_plane(_read_foam(case, time), str(case), origin))
 
 
 def read_vtk(folder: Path) -> FlowField:
@@ -110,34 +105,12 @@ def _last_time(case: Path) -> str:
     raise _error(case, f"a velocity field U at time {times[-1]}", "none", "Let the solver write U.")
 
 
-def _read_with_stream_function(case: Path, time: str) -> _Raw:
-    """Let OpenFOAM compute the stream function in a copy of the case's last time."""
-    if not openfoam_available():
-        raise _error(case, f"a field streamFunction at time {time}", "none", STREAM_REMEDY)
-    with tempfile.TemporaryDirectory(prefix="ellipsoid-") as name:
-        copy = Path(name)
-        for part in ("constant", "system", time):
-            shutil.copytree(case / part, copy / part)
-        try:
-            run_program(copy, ["postProcess", "-func", "streamFunction", "-latestTime"])
-        except RunError as error:
-            raise _error(
-                case, "a case that postProcess reads", str(error), STREAM_REMEDY
-            ) from error
-        if not (copy / time / "streamFunction").exists():
-            raise _error(
-                case, f"the flux phi at time {time}, for the stream function", "none",
-                "Let the solver write phi, or " + STREAM_REMEDY[0].lower() + STREAM_REMEDY[1:],
-            )  # fmt: skip
-        return _read_foam(copy, case)
-
-
-def _read_foam(folder: Path, case: Path) -> _Raw:
-    """The last time of `folder` by pyvista; `case` is the user's name for it."""
+def _read_foam(case: Path, time: str) -> _Raw:
+    """The last time of a case, which is `time`, by pyvista."""
     import pyvista
 
     with pyvista.vtk_verbosity("off"):
-        reader = pyvista.OpenFOAMReader(folder / "system" / "controlDict")
+        reader = pyvista.OpenFOAMReader(case / "system" / "controlDict")
         # The reader starts at time 0, where U is 0.
         reader.set_active_time_value(reader.time_values[-1])
         reader.cell_to_point_creation = False
@@ -146,10 +119,8 @@ def _read_foam(folder: Path, case: Path) -> _Raw:
     mesh: Any = blocks["internalMesh"]
     if mesh is None or mesh.n_cells == 0:
         raise _error(case, "a mesh that VTK reads", "none", "Check constant/polyMesh.")
-    time = _last_time(folder)
-    for data, name in ((mesh.cell_data, "U"), (mesh.point_data, "streamFunction")):
-        if name not in data:
-            raise _unread(case, folder / time / name)
+    if "U" not in mesh.cell_data:
+        raise _unread(case, case / time / "U")
     boundary = blocks["boundary"]
     named = ((str(boundary.get_block_name(k)), boundary[k]) for k in range(boundary.n_blocks))
     patches = {name: _faces(patch) for name, patch in named if "U" in patch.cell_data}
@@ -158,8 +129,9 @@ def _read_foam(folder: Path, case: Path) -> _Raw:
         np.asarray(pyvista.convert_array(table.GetConnectivityArray())),
         np.asarray(pyvista.convert_array(table.GetOffsetsArray())),
     )
-    psi, velocity = mesh.point_data["streamFunction"], mesh.cell_data["U"]
-    return _Raw(np.asarray(mesh.points), cells, np.asarray(psi), np.asarray(velocity), patches)
+    psi, velocity = mesh.point_data.get("streamFunction"), np.asarray(mesh.cell_data["U"])
+    stream = None if psi is None else np.asarray(psi)
+    return _Raw(np.asarray(mesh.points), cells, stream, velocity, patches)
 
 
 def _unread(case: Path, path: Path) -> InputError:
@@ -204,10 +176,6 @@ def _read_vtu(step: Path) -> _Raw:
         raise _error(step, "a solved case", "time 0 only", "Solve it, then foamToVTK -latestTime.")
     if "U" not in mesh.cell_data:
         raise _error(path, "a cell field U", "none", "Let the solver write U.")
-    if "streamFunction" not in mesh.point_data:
-        raise _error(
-            path, "a point field streamFunction", "none", STREAM_REMEDY + " Then foamToVTK."
-        )
     sizes = np.concatenate([np.full(len(b.data), b.data.shape[1]) for b in mesh.cells])
     connectivity = np.concatenate([np.ravel(b.data) for b in mesh.cells])
     cells = _Cells(connectivity, np.concatenate(([0], np.cumsum(sizes))))
@@ -217,7 +185,7 @@ def _read_vtu(step: Path) -> _Raw:
         if "U" in patch.cell_data:
             patches[file.stem] = _faces(patch)
     velocity = np.concatenate(mesh.cell_data["U"])
-    return _Raw(mesh.points, cells, mesh.point_data["streamFunction"], velocity, patches)
+    return _Raw(mesh.points, cells, mesh.point_data.get("streamFunction"), velocity, patches)
 
 
 def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
@@ -228,7 +196,13 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
     depth = points[:, normal]
     middle = 0.5 * (depth.min() + depth.max())
     low = depth < middle
-    triangles, centres = _low_triangles(points[:, plane], raw.cells, low)
+    count = raw.cells.offsets.size - 1
+    owner = np.repeat(np.arange(count), np.diff(raw.cells.offsets))
+    kept = low[raw.cells.points]
+    # The lower plane's points, numbered as they come.
+    corner = (np.cumsum(low) - 1)[raw.cells.points[kept]]
+    flat = points[low][:, plane]
+    cells = polygons(flat, corner, owner[kept], count)
     patches = {}
     for name, (at, velocity) in raw.patches.items():
         # Faces of the empty patch lie on the planes in front and behind, not between them.
@@ -239,12 +213,13 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
             )
             patches[name] = patch
     return MeshFlow(
-        points=points[low][:, plane],
-        psi=raw.psi[low].astype(np.float64),
-        centres=centres,
+        points=flat,
+        edges=cells.edges(),
+        psi=None if raw.psi is None else raw.psi[low].astype(np.float64),
+        centres=cells.centroids(flat),
         velocity=raw.velocity[:, plane].astype(np.float64),
         patches=patches,
-        contains=_Inside(points[:, plane], triangles),
+        contains=_Inside(flat, cells.triangles()),
         where=where,
         origin=origin,
     )
@@ -268,32 +243,10 @@ def _normal(points: Array, where: str) -> int:
     )  # fmt: skip
 
 
-def _low_triangles(
-    points: Array, cells: _Cells, low: NDArray[np.bool_]
-) -> tuple[NDArray[np.int_], Array]:
-    """Each cell's polygon on the lower plane as a fan of triangles (T, 3), and the means (C, 2)."""
-    count = cells.offsets.size - 1
-    owner = np.repeat(np.arange(count), np.diff(cells.offsets))
-    kept = low[cells.points]
-    owner, corner = owner[kept], cells.points[kept]
-    sizes = np.bincount(owner, minlength=count)
-    sums = [np.bincount(owner, points[corner, axis], count) for axis in (0, 1)]
-    centres = np.stack(sums, axis=-1) / sizes[:, None]
-    # Corners by angle around the mean; the mesh's cells are convex.
-    offset = points[corner] - centres[owner]
-    order = np.lexsort((np.arctan2(offset[:, 1], offset[:, 0]), owner))
-    corner, owner = corner[order], owner[order]
-    first = np.cumsum(sizes) - sizes
-    second = np.arange(corner.size)
-    fan = (second > first[owner]) & (second < first[owner] + sizes[owner] - 1)
-    triangles = np.stack((corner[first[owner[fan]]], corner[fan], corner[second[fan] + 1]), axis=-1)
-    return triangles, centres
-
-
 class _Inside:
     """Tells which points (n, 2) lie in a plane mesh given by triangles (T, 3) on points (P, 2)."""
 
-    def __init__(self, points: Array, triangles: NDArray[np.int_]) -> None:
+    def __init__(self, points: Array, triangles: Index) -> None:
         self.points, self.triangles = points, triangles
 
     def __call__(self, at: Array) -> NDArray[np.bool_]:

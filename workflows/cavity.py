@@ -79,7 +79,8 @@ def compare_walls(
     """The rho-equation with either ghost density, at a width that the literal one can bear."""
     results = {}
     for density in ("matched", "paper"):
-        own = {"walls.ghost_density": density, "numerics.cell": LITERAL_CELL}
+        cell = max(LITERAL_CELL, float(settings.get("numerics.cell", 0.0)))
+        own = {"walls.ghost_density": density, "numerics.cell": cell}
         scene = load_scene("cavity", settings | own)
         results[density] = simulate(scene, "rho_mono_kinetic", flow=flow, report=report)
     return results

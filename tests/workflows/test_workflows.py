@@ -1,0 +1,100 @@
+"""Every workflow at a small size, and the set-up scripts' promises."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import pyvista
+
+from ellipsoid_coupling.flow import openfoam_available
+
+TOP = Path(__file__).parents[2]
+WORKFLOWS = TOP / "workflows"
+NEEDS_OPENFOAM = pytest.mark.skipif(not openfoam_available(), reason="OpenFOAM is not installed")
+
+TINY = ["particles.number=40", "particles.realisations=2", "numerics.cell=0.05", "flow.cells=16"]
+TINY += ["particles.length=0.1", "particles.width=0.05"]
+
+
+def workflow(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, WORKFLOWS / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_main_job_leaves_all_it_promises(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = workflow("cavity").main(["--out", str(tmp_path / "job"), "--set", *TINY])
+    out = capsys.readouterr().out
+    assert out.strip().splitlines()[-1] == str(folder)
+    pictures = {p.name for p in folder.glob("*.png")}
+    for scene in ("cavity", "cavity_free"):
+        for kind in ("density", "angles", "ellipses", "error_against_run_time"):
+            assert f"{kind}_{scene}.png" in pictures
+    assert {"flow.png", "walls.png"} <= pictures
+    rows = list(csv.DictReader((folder / "errors.csv").read_text().splitlines()))
+    assert len(rows) == 2 * 12 * 3
+    assert {row["reference"] for row in rows} == {"exact", "microscopic ensemble"}
+    for series in (folder / "paraview").rglob("*.pvd"):
+        reader = pyvista.PVDReader(str(series))
+        assert reader.time_values == [2.0, 3.5, 5.0]
+        assert all(block.n_points for block in reader.read())
+    assert len(list((folder / "paraview" / "flow").iterdir())) == 5
+    assert len(list((folder / "runs").iterdir())) == 8
+
+
+@NEEDS_OPENFOAM
+@pytest.mark.openfoam
+def test_flow_order_at_a_small_size(tmp_path: Path) -> None:
+    workflow("flow_order").main(["--out", str(tmp_path), "--cells", "8", "16", "32"])
+    assert any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("script", ["run.sh", "test.sh", "setup.sh"])
+def test_the_shell_scripts_parse(script: str) -> None:
+    subprocess.run(["bash", "-n", str(WORKFLOWS / script)], check=True, timeout=20)
+
+
+def test_ci_calls_the_test_command() -> None:
+    assert "workflows/test.sh" in (TOP / ".ci" / "run").read_text()
+
+
+def test_the_lock_file_pins_everything_that_the_project_needs() -> None:
+    lines = (WORKFLOWS / "requirements.lock").read_text().splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+", pin) for pin in pins)
+    names = {pin.split("==")[0].lower().replace("_", "-") for pin in pins}
+    project = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    for requirement in wanted:
+        name = re.split(r"[><=]", requirement)[0].lower().replace("_", "-")
+        assert name in names
+
+
+def test_without_permission_setup_says_how_to_install(tmp_path: Path) -> None:
+    """No icoFoam on the path, no root, no sudo: one line, and the job goes on."""
+    stand_ins = tmp_path / "bin"
+    stand_ins.mkdir()
+    for name, text in {"id": "echo 1000", "sudo": "exit 1"}.items():
+        (stand_ins / name).write_text(f"#!/bin/sh\n{text}\n")
+        (stand_ins / name).chmod(0o755)
+    functions = (WORKFLOWS / "setup.sh").read_text().rsplit("\nmake_environment\n", 1)[0]
+    script = f'PATH="{stand_ins}:/nowhere"\n{functions}\nbring_openfoam\necho going on\n'
+    done = subprocess.run(
+        ["/bin/bash", "-c", script], capture_output=True, text=True, check=True, timeout=20
+    )
+    assert done.stdout.strip().endswith("going on")
+    assert "apt-get install openfoam" in done.stderr

@@ -1,11 +1,11 @@
 """Ellipsoidal particles in an OpenFOAM flow: from particles to mean-field equations.
 
-    import ellipsoid_coupling as ec
+import ellipsoid_coupling as ec
 
-    scene = ec.load_scene("cavity")
-    result = ec.simulate(scene, model="rho_mono_kinetic")
-    result.density(cells=30)
-    result.angle_distribution(bins=60)
+scene = ec.load_scene("cavity")
+result = ec.simulate(scene, model="rho_mono_kinetic")
+result.density(cells=30)
+result.angle_distribution(bins=60)
 """
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError, RunError

@@ -22,6 +22,7 @@ from ellipsoid_coupling.interaction.spectra import (
     LANES,
     Indices,
     Real,
+    Spectra,
     basis_parity,
     stride,
     transform,
@@ -75,26 +76,10 @@ class HarmonicInteraction:
             inner = density[box]
             basis = np.empty((2 * self.series.harmonics + 1, *inner.shape), self._precision)
             angular_basis(angle[box], basis)
-            fields = self._convolve(basis * inner.astype(self._precision))
+            fields = convolve(self._spectra, basis * inner.astype(self._precision))
             _evaluate(fields, basis, inner, out[(slice(None), *box)])
         return Forces(out[0], out[1], out[2] if components == 3 else None)
 
-    def _convolve(self, sources: Real) -> Real:
-        """sum_q K_pq * sources_q, (2M + 1, rows, columns) to (components, 2M + 1, same, same)."""
-        spectra, workers = self._spectra, numba.get_num_threads()
-        functions, rows, columns = sources.shape
-        y_stride = stride(spectra.padded[0], rows, spectra.cells)
-        x_stride = stride(spectra.padded[1], columns, spectra.cells)
-        py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
-        waves = fft.rfft(sources, px, axis=2, workers=workers)
-        waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
-        frequencies = spectra.order[: px // 2 + 1] // x_stride
-        fields = np.empty((spectra.blocks.shape[1], functions, py, px // 2 + 1), waves.dtype)
-        parities = np.outer(COMPONENT_PARITY, basis_parity(functions))
-        _multiply(spectra.blocks, y_stride, frequencies, parities, waves, fields)
-        # Rows beyond the occupied ones are dropped before the transform along x.
-        fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
-        return fft.irfft(fields, px, axis=3, workers=workers)[..., :columns]
 
 
 def occupied_box(density: Array) -> tuple[slice, slice] | None:
@@ -104,6 +89,24 @@ def occupied_box(density: Array) -> tuple[slice, slice] | None:
     if rows.size == 0:
         return None
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+def convolve(spectra: Spectra, sources: Real) -> Real:
+    """sum_q K_pq * sources_q, (2M + 1, rows, columns) to (components, 2M + 1, rows, columns)."""
+    workers = numba.get_num_threads()
+    functions, rows, columns = sources.shape
+    y_stride = stride(spectra.padded[0], rows, spectra.cells)
+    x_stride = stride(spectra.padded[1], columns, spectra.cells)
+    py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
+    waves = fft.rfft(sources, px, axis=2, workers=workers)
+    waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
+    frequencies = spectra.order[: px // 2 + 1] // x_stride
+    fields = np.empty((spectra.blocks.shape[1], functions, py, px // 2 + 1), waves.dtype)
+    parities = np.outer(COMPONENT_PARITY, basis_parity(functions))
+    _multiply(spectra.blocks, y_stride, frequencies, parities, waves, fields)
+    # Rows beyond the occupied ones are dropped before the transform along x.
+    fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
+    return fft.irfft(fields, px, axis=3, workers=workers)[..., :columns]
 
 
 @parallel_kernel

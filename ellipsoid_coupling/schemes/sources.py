@@ -54,7 +54,7 @@ class CellTerms(NamedTuple):
 
 
 @kernel
-def _angular_rate(
+def angular_rate(
     turning: Floats | None, amplitude: float | None, j: int, i: int, angle: float
 ) -> tuple[float, float]:
     """gamma_bar g - dV2/dtheta and its derivative with respect to the angle."""
@@ -122,7 +122,7 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
             drift[1, j, i] = _steady(terms.steady, 1, j, i) + fy * terms.inverse_mass
             if turns:
                 angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
-                rate, _ = _angular_rate(terms.turning, terms.amplitude, j, i, angle)
+                rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
                 torque = _interaction_torque(forces, j, i)
                 drift[2, j, i] = rate + torque * terms.inverse_inertia
 
@@ -192,11 +192,11 @@ def _implicit_spin(
 ) -> float:
     """omega1 of one cell."""
     j, i = cell
-    old_rate, _ = _angular_rate(terms.turning, terms.amplitude, j, i, angle)
+    old_rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
     inertia = 1.0 + dt * terms.angular_damping
     new = (spin + dt * drift) / inertia
     for _ in range(_NEWTON_STEPS):
-        rate, slope = _angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
+        rate, slope = angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
         miss = inertia * new - spin - dt * (drift - old_rate + rate)
         new -= miss / (inertia - dt * dt * slope)
     return new

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, outflow
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Flux, Span, outflow
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -43,7 +42,7 @@ def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Flo
 
 @parallel_kernel
 def sweep_rows(
-    flux: Ballistic | Force,
+    flux: Flux,
     fields: Floats,
     first: NDArray[np.int64],
     n: int,
@@ -78,9 +77,7 @@ def sweep_rows(
 
 
 @kernel
-def _march(
-    flux: Ballistic | Force, fields: Floats, begin: int, n: int, span: Span, ratio: float
-) -> None:
+def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float) -> None:
     """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index."""
     components, width = fields.shape[0], span.width
     up = np.empty((3, components, width))
@@ -99,7 +96,7 @@ def _march(
 
 @parallel_kernel
 def sweep_columns(
-    flux: Ballistic | Force,
+    flux: Flux,
     fields: Floats,
     first: NDArray[np.int64],
     n: int,
@@ -123,7 +120,7 @@ def sweep_columns(
         _march(flux, fields, begin, n, Span(begin, width, stride, normal), ratio)
 
 
-def sweep(flux: Ballistic | Force, fields: Floats, axis: int, normal: int, ratio: float) -> None:
+def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> None:
     """Transport padded fields along one axis, in place; their ghosts along it are filled.
 
     Parameters

@@ -14,7 +14,7 @@ from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.obtain import SHIPPED
 from ellipsoid_coupling.models import Setup
-from ellipsoid_coupling.models import rho_equation as module
+from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
 from ellipsoid_coupling.schemes.grid import interior

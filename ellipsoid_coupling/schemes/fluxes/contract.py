@@ -13,6 +13,9 @@ from ellipsoid_coupling.kernels import KERNEL_OPTIONS
 
 Floats = NDArray[np.float64]
 
+# A flux is a NamedTuple of its parameters: numbers, or arrays that belong to the cells.
+Flux = tuple[Any, ...]
+
 # Component 0 of every system is the density; below this it counts as vacuum (and is set to 0).
 DENSITY = 0
 _OPTIONS: Any = KERNEL_OPTIONS
@@ -33,7 +36,7 @@ class Span(NamedTuple):
 
 
 def outflow(
-    flux: tuple[float, ...],
+    flux: Flux,
     fields: Floats,
     span: Span,
     ratio: float,

@@ -224,6 +224,41 @@ def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
 
 
 @kernel
+def predict_step(
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Where a step of realisation k leads for a constant drift: `trial` but for its force."""
+    for d in range(state.place.shape[1]):
+        linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+        _predict(state, k, d, linear, trial)
+        _add_place_noise(noise, d, rates, linear, trial.place[d])
+    _fold(limits.box, trial)
+
+
+@kernel
+def squared_errors(
+    state: ParticleState,
+    k: int,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+    out: Floats,
+) -> None:
+    """The mean square of the correction over the scale, one number a degree of freedom (D,)."""
+    for d in range(out.size):
+        change = linear_step(rates.damping[d], 0.0, dt).place_change
+        square = _mean_square_correction(state.force[k, d], trial, d, change)
+        out[d] = square / limits.scale[d] ** 2
+
+
+@kernel
 def _try_step(
     state: ParticleState,
     k: int,
@@ -235,22 +270,18 @@ def _try_step(
     dt: float,
 ) -> float:
     """Predict and evaluate; returns the error estimate over the tolerance."""
-    for d in range(state.place.shape[1]):
-        linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
-        _predict(state, k, d, linear, trial)
-        _add_place_noise(noise, d, rates, linear, trial.place[d])
-    _fold(limits.box, trial)
+    predict_step(state, k, noise, rates, limits, trial, dt)
     state.clock[k, OUTSIDE] = particle_forces(drift, trial.folded, trial.force)
+    squares = np.empty(state.place.shape[1])
+    squared_errors(state, k, rates, limits, trial, dt, squares)
     worst = 0.0
-    for d in range(state.place.shape[1]):
-        change = linear_step(rates.damping[d], 0.0, dt).place_change
-        square = _mean_square_correction(state.force[k, d], trial, d, change)
-        worst = max(worst, square / limits.scale[d] ** 2)
+    for square in squares:
+        worst = max(worst, square)
     return math.sqrt(worst) / limits.tolerance
 
 
 @kernel
-def _accept_step(
+def accept_step(
     state: ParticleState,
     k: int,
     noise: Floats | None,
@@ -259,6 +290,7 @@ def _accept_step(
     trial: Trial,
     dt: float,
 ) -> None:
+    """Finish the step of realisation k that `trial` predicts, in place."""
     for d in range(state.place.shape[1]):
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
@@ -273,11 +305,11 @@ def _may_repeat(noise: Floats | None) -> bool:
 
 
 @kernel
-def _step_factor(error: float) -> float:
+def step_factor(error: float) -> float:
     """How much longer the next step may be: the estimate is of third order in dt, 0.9 aims below."""
     if not math.isfinite(error):
         return 0.1
-    return min(2.0, max(0.3, 0.9 / math.cbrt(error + 1e-6)))
+    return min(2.0, max(0.3, float(0.9 * (error + 1e-6) ** (-1.0 / 3.0))))
 
 
 @kernel
@@ -303,7 +335,7 @@ def _advance_one(
         dt = equal_steps(remaining, clock[NEXT_STEP])
         noise = noise_rows(state.noise, k, step)
         error = _try_step(state, k, noise, drift, rates, limits, trial, dt)
-        factor = _step_factor(error)
+        factor = step_factor(error)
         # A step cut short to meet `until` says nothing against the longer one planned.
         clock[NEXT_STEP] = dt * factor if factor < 1.0 else max(clock[NEXT_STEP], dt * factor)
         if not error <= 1.0 and _may_repeat(state.noise):
@@ -311,7 +343,7 @@ def _advance_one(
             if dt * factor < SMALLEST_STEP * until:
                 clock[STATUS] = STEP_TOO_SMALL
             continue
-        _accept_step(state, k, noise, rates, limits, trial, dt)
+        accept_step(state, k, noise, rates, limits, trial, dt)
         clock[STEPS] += 1
         clock[TIME] = until if dt == remaining else clock[TIME] + dt
         if not all_finite(state.velocity[k]):

@@ -70,22 +70,26 @@ def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
 
 
 @kernel
-def _step(
-    state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
+def move(
+    state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float
 ) -> None:
-    place, velocity, force, clock = (
-        state.place[k],
-        state.velocity[k],
-        state.force[k],
-        state.clock[k],
-    )
-    clock[OUTSIDE] = particle_forces(drift, place, force)
-    _kick(velocity, force, rates, dt)
+    """One step of realisation k in the drift `state.force`, noise row `step`, in place."""
+    place, velocity = state.place[k], state.velocity[k]
+    _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
     _drift(place, velocity, dt)
     _bounce(limits.box, place, velocity)
+
+
+@kernel
+def _step(
+    state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
+) -> None:
+    clock = state.clock[k]
+    clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
+    move(state, k, step, rates, limits, dt)
     clock[STEPS] += 1
-    if not all_finite(place):
+    if not all_finite(state.place[k]):
         clock[STATUS] = NOT_FINITE
 
 

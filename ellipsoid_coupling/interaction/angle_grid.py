@@ -1,0 +1,229 @@
+"""The interaction integral of the q-equations on an (angle, y, x) grid.
+
+    force(r, theta)  = -eps0 sum h^2 k grad_r U(r, rbar, theta, thetabar) q(rbar, thetabar)
+    torque(r, theta) = -eps0 sum h^2 k dU/dtheta(r, rbar, theta, thetabar) q(rbar, thetabar)
+
+over all cells, k = 2 pi / angles. U is pi-periodic in both angles: the sources of theta and
+theta + pi add up and their targets agree, so that an even number of angle cells folds to half.
+In space the sum is a convolution: real Fourier transforms and one dense block of angles per
+frequency (`angle_spectra`). Equal to the direct sum up to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction.angle_spectra import (
+    AngleSpectra,
+    Quantity,
+    angle_spectra,
+    distinct_angles,
+)
+from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
+from ellipsoid_coupling.interaction.spectra import LANES, Indices, stride
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.potential import PotentialShape
+
+Complex = NDArray[np.complex128]
+
+
+class AngleForces(NamedTuple):
+    """Force and torque on a particle, not divided by mass or inertia; angle a is at a % n.
+
+    Attributes
+    ----------
+    x, y : (n, ny, nx) float64
+        Force; n = `distinct_angles`.
+    torque : (n, ny, nx) float64 or None
+        None for circles.
+    """
+
+    x: Array
+    y: Array
+    torque: Array | None
+
+
+class _Angles(NamedTuple):
+    """The angles that take part, (m,) each: which, and the place of each one's mirror image."""
+
+    which: Indices
+    mirror: Indices
+
+
+class AngleGridInteraction:
+    """The integral above for forces, or for the potential U * q itself.
+
+    Work is confined to the rectangle of cells and to the angles that hold mass (and the mirror
+    images of these angles); elsewhere the result is 0. The same bits come out for any number of
+    threads.
+
+    Parameters
+    ----------
+    grid_shape : (angles, ny, nx)
+        Angle cells are centred on multiples of 2 pi / angles.
+    h : float
+        Spacing in x and y.
+    shape : PotentialShape
+    strength : float
+        eps0.
+    quantity : "forces" or "potential"
+
+    Raises
+    ------
+    InputError
+        A grid without cells or spacing, or too large for the memory; a density of another shape.
+    """
+
+    def __init__(
+        self,
+        grid_shape: tuple[int, int, int],
+        h: float,
+        shape: PotentialShape,
+        strength: float,
+        quantity: Quantity = "forces",
+    ) -> None:
+        check_grid((min(grid_shape[:2]), grid_shape[2]), h)
+        self.grid_shape = grid_shape
+        self.angles = distinct_angles(grid_shape[0], shape)
+        scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
+        sign = -1.0 if quantity == "forces" else 1.0
+        self._spectra = angle_spectra(grid_shape, h, shape, sign * scale, quantity)
+
+    def forces(self, density: Array) -> AngleForces:
+        """Force and torque of q `density` (angles, ny, nx), for quantity "forces"."""
+        parts = self._integrals(density)
+        return AngleForces(parts[0], parts[1], parts[2] if len(parts) == 3 else None)
+
+    def potential(self, density: Array) -> Array:
+        """eps0 U * q of `density` (angles, ny, nx), (n, ny, nx), for quantity "potential"."""
+        return np.asarray(self._integrals(density)[0])
+
+    def _integrals(self, density: Array) -> Array:
+        """All components, (components, n, ny, nx)."""
+        if density.shape != self.grid_shape:
+            raise InputError(
+                "interaction density",
+                f"shape {self.grid_shape}, axis order (angle, y, x)",
+                f"{density.shape}",
+                "Make the interaction anew for another grid.",
+            )
+        out = np.zeros((self._spectra.odd.size, self.angles, *self.grid_shape[1:]))
+        occupied: NDArray[np.bool_] = np.any(density, axis=2)
+        planes = np.any(occupied, axis=1)
+        rows = np.flatnonzero(np.any(occupied, axis=0))
+        if rows.size == 0:
+            return out
+        held = slice(rows[0], rows[-1] + 1)
+        # Folding comes before looking along x: it halves what is left to look at.
+        folded = _fold(density[:, held], self.angles)
+        columns = np.flatnonzero(folded.any(axis=(0, 1)))
+        box = held, slice(columns[0], columns[-1] + 1)
+        taking_part = _mirrored_angles(planes.reshape(-1, self.angles).any(axis=0))
+        sources = folded[taking_part.which][..., box[1]]
+        out[:, taking_part.which, box[0], box[1]] = _convolve(self._spectra, sources, taking_part)
+        return out
+
+
+def _fold(density: Array, angles: int) -> Array:
+    """Add up the angle cells that are one to the potential: (angles, ny, nx) to (n, ny, nx)."""
+    return np.asarray(density.reshape(-1, angles, *density.shape[1:]).sum(axis=0))
+
+
+def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
+    """The angles with mass and their mirror images; `holding` (n,) tells which."""
+    taking_part = holding | np.roll(holding[::-1], 1)
+    which = np.flatnonzero(taking_part)
+    place = np.cumsum(taking_part) - 1
+    return _Angles(which, place[-which % holding.size])
+
+
+def _convolve(spectra: AngleSpectra, sources: Array, angles: _Angles) -> Array:
+    """Sources (m, rows, columns) to fields (components, m, rows, columns)."""
+    workers = numba.get_num_threads()
+    count, rows, columns = sources.shape
+    y_stride = stride(spectra.padded[0], rows, spectra.cells)
+    x_stride = stride(spectra.padded[1], columns, spectra.cells)
+    py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
+    waves = fft.rfft(sources, px, axis=2, workers=workers)
+    waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
+    frequencies = spectra.order[: px // 2 + 1] // x_stride
+    fields = np.empty((spectra.odd.size, count, py, px // 2 + 1), np.complex128)
+    signs = np.stack([spectra.odd, spectra.mirrored])
+    _multiply(spectra.blocks, y_stride, frequencies, signs, angles, waves, fields)
+    # Rows beyond the occupied ones are dropped before the transform along x.
+    fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
+    return np.asarray(fft.irfft(fields, px, axis=3, workers=workers)[..., :columns])
+
+
+@parallel_kernel
+def _multiply(
+    blocks: Array,
+    y_stride: int,
+    frequencies: Indices,
+    signs: Indices,
+    angles: _Angles,
+    waves: Complex,
+    fields: Complex,
+) -> None:
+    """fields[c, a] = sum_b block[c, a, b] waves[b] at every frequency (py, px//2 + 1)."""
+    py = waves.shape[1]
+    which, mirror = angles
+    for ky in numba.prange(py // 2 + 1):
+        rows = ky, (py - ky) % py
+        block = blocks[ky * y_stride]
+        _multiply_rows(block, frequencies, signs, _Angles(which, mirror), waves, fields, rows)
+
+
+@kernel
+def _multiply_rows(
+    block: Array,
+    frequencies: Indices,
+    signs: Indices,
+    angles: _Angles,
+    waves: Complex,
+    fields: Complex,
+    rows: tuple[int, int],
+) -> None:
+    """Both ky and -ky: the block of -ky is that of ky between the mirrored angles."""
+    count, n = angles.which.size, frequencies.size
+    padded = -(-n // LANES) * LANES
+    plus, minus = rows
+    source = np.zeros((count, 4, padded))
+    for b in range(count):
+        mirrored = angles.mirror[b]
+        for j in range(n):
+            up, down = waves[b, plus, frequencies[j]], waves[mirrored, minus, frequencies[j]]
+            source[b, 0, j], source[b, 1, j] = up.real, up.imag
+            source[b, 2, j], source[b, 3, j] = down.real, down.imag
+    sums = np.empty((4, padded))
+    for c in range(signs.shape[1]):
+        odd, sign = signs[0, c] == 1, float(signs[1, c])
+        for a in range(count):
+            sums[:] = 0.0
+            row = block[c, angles.which[a]]
+            for b in range(count):
+                _add_product(sums, row[angles.which[b], :padded], source[b])
+            for j in range(n):
+                k = frequencies[j]
+                up = complex(sums[0, j], sums[1, j])
+                down = complex(sign * sums[2, j], sign * sums[3, j])
+                fields[c, angles.mirror[a], minus, k] = 1j * down if odd else down
+                fields[c, a, plus, k] = 1j * up if odd else up
+
+
+@kernel
+def _add_product(sums: Array, factor: Array, source: Array) -> None:
+    """sums[part] += factor source[part] for the four parts: real and imaginary, ky and -ky."""
+    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
+    e, f, g, h = source[0], source[1], source[2], source[3]
+    for j in range(factor.size):
+        a[j] += factor[j] * e[j]
+        b[j] += factor[j] * f[j]
+        c[j] += factor[j] * g[j]
+        d[j] += factor[j] * h[j]

@@ -1,0 +1,169 @@
+"""The interaction of a cloud of samples with its own density, by splines, harmonics and FFT.
+
+Every one of S samples carries the mass 1/S, and feels
+
+    force_i = -eps0/S sum_j grad_r U(r_i, r_j, theta_i, theta_j),    torque_i with dU/dtheta
+
+With grad_r U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular`), and K_pq replaced by its
+interpolating cubic spline in both positions on nodes h apart (B: cubic B-spline, four nodes wide),
+
+    1. deposit       s_q(node)   = sum_j B(r_j - node) b_q(theta_j) / S
+    2. convolve      f_p(node)   = sum_q K~_pq * s_q,      K~ = K / (b_x b_y)^2 at every frequency
+    3. interpolate   force_i     = sum_p b_p(theta_i) sum_nodes B(r_i - node) f_p(node)
+
+b = (2 + cos(wave number))/3 is the B-spline's own transform at the nodes: dividing by it once turns
+the deposit into that of the interpolating spline's basis, a second time the interpolation. The work
+is O(S) + O(nodes log nodes); a direct sum takes O(S^2).
+
+The error has two parts: the series' (its tolerance, see `angular_series`) and the spline's, of
+fourth order in h. See `NODES_PER_WIDTH` for its size.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction.angular import angular_series
+from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.interaction.harmonics import LEAST_SINGLE_TOLERANCE, convolve
+from ellipsoid_coupling.interaction.sample_splines import (
+    PARTS,
+    STENCIL,
+    Nodes,
+    add_parts,
+    deposit_parts,
+    interpolate,
+    node_numbers,
+    sort_by_row,
+)
+from ellipsoid_coupling.interaction.spectra import Indices, Spectra, transform
+from ellipsoid_coupling.physics.potential import PotentialShape
+
+Interval = tuple[float, float]
+
+# Nodes within the width D. Against pair sums, at aspect ratio 2, root mean squares: 0.4 %
+# of the force and 1.1 % of the torque for independent samples (0.1 % and 0.4 % with 6 nodes),
+# within 0.1 % and 0.5 % for a smooth density.
+NODES_PER_WIDTH = 4.0
+# The spline's basis function decays by 0.27 a node: images this many nodes further are not felt.
+_TAIL = 8
+_MOST_HARMONICS = 60
+
+
+class SampleInteraction:
+    """Forces among the samples of a density.
+
+    Samples outside `x_range` x `y_range` neither act nor feel anything. The same bits come out for
+    any number of threads.
+
+    Parameters
+    ----------
+    x_range, y_range : (low, high)
+    shape : PotentialShape
+    width : float
+        The particles' width D, which the potential's steepness goes with.
+    strength : float
+        eps0.
+    tolerance : float
+        Of the series in the angles, as in `angular_series`.
+
+    Raises
+    ------
+    InputError
+        If the tolerance takes more than 60 harmonics.
+    """
+
+    def __init__(
+        self,
+        x_range: Interval,
+        y_range: Interval,
+        shape: PotentialShape,
+        width: float,
+        strength: float,
+        tolerance: float,
+    ) -> None:
+        h = width / NODES_PER_WIDTH
+        self.nodes = _cover(x_range, y_range, h)
+        series = angular_series(shape, h, tolerance, _MOST_HARMONICS)
+        if series is None:
+            raise InputError(
+                "interaction of samples",
+                f"a tolerance that {_MOST_HARMONICS} harmonics reach",
+                f"{tolerance} for a shape factor of {shape.shape_factor:.3g}",
+                "Raise numerics.harmonics_tolerance or make the particles rounder.",
+            )
+        self.harmonics = series.harmonics
+        self._precision = np.float32 if tolerance >= LEAST_SINGLE_TOLERANCE else np.float64
+        padded = self.nodes.rows + _TAIL, self.nodes.columns + _TAIL
+        # `transform` makes cells' spectra, with h^2 in them; a sample has its whole mass.
+        self._spectra = _undo_splines(transform(series, padded, strength / h**2, self._precision))
+
+    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+        """Add the interaction to the drift of all samples, in place.
+
+        Parameters
+        ----------
+        place : (K, D, B) float64
+            x, y and, with D = 3, the angle of K blocks of B samples.
+        weights : (1/m, 1/I_c)
+        force : (K, D, B)
+            Per mass and per inertia.
+        """
+        order, rows = sort_by_row(place, self.nodes)
+        if order.size == 0:
+            return
+        functions = 2 * self.harmonics + 1
+        sources = self._deposit(place, order, rows, functions)
+        row, column, sources = _crop(sources)
+        fields = convolve(self._spectra, sources.astype(self._precision))
+        by_node = np.ascontiguousarray(fields.transpose(2, 3, 0, 1))
+        corner = Nodes(
+            self.nodes.x_low + column / self.nodes.inverse_h,
+            self.nodes.y_low + row / self.nodes.inverse_h,
+            self.nodes.inverse_h,
+            *by_node.shape[:2],
+        )
+        interpolate(place, order, node_numbers(corner), by_node, weights, force)
+
+    def _deposit(self, place: Array, order: Indices, rows: Indices, functions: int) -> Array:
+        """s_q at the nodes, (functions, rows, columns)."""
+        parts = np.linspace(0, order.size, PARTS + 1).astype(np.int64)
+        first, last = rows[parts[:-1] % order.size], rows[np.maximum(parts[1:] - 1, 0)]
+        used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
+        offsets = np.concatenate([[0], np.cumsum(used)])
+        partial = np.zeros((offsets[-1], self.nodes.columns, functions))
+        deposit_parts(place, order, parts, (first, offsets), node_numbers(self.nodes), partial)
+        sources = np.zeros((functions, self.nodes.rows, self.nodes.columns))
+        add_parts(partial, first, offsets, 1.0 / (place.shape[0] * place.shape[2]), sources)
+        return sources
+
+
+def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:
+    """Nodes such that every point of the rectangle lies between the inner two of four."""
+    columns, rows = (
+        math.ceil((high - low) / h - 1e-9) + STENCIL for low, high in (x_range, y_range)
+    )
+    return Nodes(x_range[0] - h, y_range[0] - h, 1.0 / h, rows, columns)
+
+
+def _undo_splines(spectra: Spectra) -> Spectra:
+    """The spectra over (b_x b_y)^2, for transforms with `_TAIL` nodes more between images."""
+    py, px = spectra.padded
+    b_y = (2.0 + np.cos(2.0 * np.pi * np.arange(py // 2 + 1) / py)) / 3.0
+    b_x = np.ones(spectra.blocks.shape[-1])
+    b_x[: spectra.order.size] = (2.0 + np.cos(2.0 * np.pi * spectra.order / px)) / 3.0
+    precision = spectra.blocks.dtype
+    blocks = spectra.blocks * (b_y[:, None, None, None, None] ** -2.0).astype(precision)
+    blocks *= (b_x**-2.0).astype(precision)
+    return spectra._replace(blocks=blocks, cells=spectra.cells + _TAIL)
+
+
+def _crop(sources: Array) -> tuple[int, int, Array]:
+    """First row, first column and the part of the nodes that holds anything; s_0 is the density."""
+    rows = np.flatnonzero(sources[0].any(axis=1))
+    columns = np.flatnonzero(sources[0].any(axis=0))
+    part = sources[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return int(rows[0]), int(columns[0]), part

@@ -1,0 +1,55 @@
+"""The diffusive limit `eq:difflimit`, with sigma as the errata have it.
+
+    d_t rho       + div(rho v)     = 0              v     = sigma_1 [gamma u - K1/m - grad V1]
+    d_t (rho phi) + div(rho phi v) = rho omega      omega = sigma_2 [gamma_bar g - K2/I_c - dV2]
+
+    sigma_1 = 2/(2 gamma + A^2)      sigma_2 = 2/(2 gamma_bar + B^2)
+
+v and omega are given by rho and phi at every moment, they are no unknowns. Both schemes step the
+fields of the rho-equation (`r_grid`) by the splittings of `schemes.creeping`.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.parts import scene_rates
+from ellipsoid_coupling.models.r_grid import RGridEquation
+from ellipsoid_coupling.schemes.creeping import CreepingEuler, CreepingHeun, mobilities, settle
+
+
+class Diffusive(RGridEquation):
+    """`Model` of the diffusive limit.
+
+    Raises
+    ------
+    InputError
+        Where nothing damps the velocity (gamma = A = 0) or the rotation (gamma_bar = B = 0) of
+        particles that turn: there is no such limit.
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("diffusive",)
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        _require_damping(setup)
+        super().__init__(
+            name, setup, CreepingEuler() if setup.scheme == "paper" else CreepingHeun()
+        )
+        settle(self.fields, self.drift, mobilities(self.terms), 1.0, 0.0)
+
+
+def _require_damping(setup: Setup) -> None:
+    damping = scene_rates(setup).damping
+    undamped = "velocity" if damping[0] == 0.0 else "rotation"
+    if not damping.all():
+        raise InputError(
+            f"scene {setup.scene.name}, model diffusive",
+            "drag or noise on everything that moves (gamma + A^2/2 > 0, gamma_bar + B^2/2 > 0)",
+            f"no damping of the {undamped}, hence no diffusive limit",
+            "Add [flow] with a drag, or [noise], or choose another model.",
+        )
+
+
+MODEL = Diffusive

@@ -1,0 +1,255 @@
+"""The nonlinear process `eq:ODE_mf` by samples: the microscopic model's limit of infinite N.
+
+    dr = v dt        dv = [gamma (u - v) - 1/m int grad_r U f - grad V1 - (A^2/2) v] dt + A dW
+    dtheta = omega dt
+    domega = [gamma_bar (g - omega) - 1/I_c int dU/dtheta f - dV2/dtheta - (B^2/2) omega] dt + B dW
+
+f is the density of S samples, S = particles.number * realisations. Without noise they start evenly
+spread over the start box (a square number of them, as near to S as there is); their paths then are
+quadrature points of f, and the error falls like 1/S. With noise they start at random and draw what
+realisation k, particle i of `microscopic` draws, so that the two can be compared path by path, in the
+scheme `paper` step by step; the error falls like 1/sqrt(S).
+
+Walls act as in `microscopic`: by their ghost particles, summed exactly, and by reflection. Where the
+domain is open, samples further out than two ranges of the potential no longer interact.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
+from ellipsoid_coupling.interaction.pairs import Pairs, Sources
+from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.particles.state import (
+    CLOCK_COLUMNS,
+    OUTSIDE,
+    REJECTED,
+    STATUS,
+    STEPS,
+    TIME,
+    ParticleState,
+)
+from ellipsoid_coupling.schemes.particles.together import TOGETHER, over_blocks
+from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
+
+Floats = NDArray[np.float64]
+
+# Without noise a call of `advance` may take any number of steps; a few show progress often enough.
+_STEPS_PER_CALL = 4
+# How far beyond an open domain samples interact, in ranges of the potential.
+_RANGES_BEYOND = 2.0
+
+
+def even_points(scene: Scene, samples: int) -> Floats:
+    """Midpoints of side x side equal parts of the start box, row by row: (side, 2, side)."""
+    side = max(1, round(np.sqrt(samples)))
+    part = (np.arange(side) + 0.5) / side
+    x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
+    y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
+    return np.stack(np.meshgrid(x, y), axis=1)
+
+
+def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
+    """Where `microscopic` starts: (realisations, 2, N)."""
+    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
+    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
+    number = scene.particles.number
+    return np.array(
+        [low + (high - low) * start_positions(seed, k, number) for k in range(realisations)]
+    )
+
+
+def start_state(setup: Setup) -> ParticleState:
+    """All samples at rest, at the start angle; blocks are rows of points or realisations."""
+    scene, realisations = setup.scene, setup.realisations
+    if setup.terms.noise or setup.terms.angular_noise:
+        points = random_points(scene, setup.seed, realisations)
+    else:
+        points = even_points(scene, scene.particles.number * realisations)
+    blocks, _, size = points.shape
+    place = np.full((blocks, 3 if setup.terms.angle else 2, size), scene.start.angle)
+    place[:, :2] = points
+    zeros = np.zeros_like(place)
+    return ParticleState(place, zeros, zeros.copy(), np.zeros((1, CLOCK_COLUMNS)), None)
+
+
+@kernel
+def _add_ghosts(ghosts: Sources | None, pairs: Pairs | None, place: Floats, force: Floats) -> None:
+    if ghosts is not None and pairs is not None:
+        add_ghost_forces(place, ghosts, pairs, force)
+
+
+@kernel
+def _own_forces(
+    drift: Drift,
+    walls: tuple[Sources | None, Pairs | None],
+    place: Floats,
+    force: Floats,
+    outside: NDArray[np.int64],
+    blocks: tuple[int, int],
+) -> None:
+    """Everything but the samples' interaction; how many lie outside the flow, block by block."""
+    for k in range(blocks[0], blocks[1]):
+        outside[k] = particle_forces(drift, place[k], force[k])
+        _add_ghosts(walls[0], walls[1], place[k], force[k])
+
+
+def _scene_samples(scene: Scene) -> SampleInteraction | None:
+    if scene.interaction is None:
+        return None
+    particles, domain = scene.particles, scene.domain
+    shape = potential_shape(particles.length, particles.width)
+    margin = 0.0 if domain.boundary == "reflecting" else _RANGES_BEYOND * shape.reach
+    return SampleInteraction(
+        (domain.x[0] - margin, domain.x[1] + margin),
+        (domain.y[0] - margin, domain.y[1] + margin),
+        shape,
+        particles.width,
+        scene.interaction.strength,
+        scene.numerics.harmonics_tolerance,
+    )
+
+
+class McKeanVlasov:
+    """`Model` of the nonlinear process."""
+
+    names: ClassVar[tuple[str, ...]] = ("mckean_vlasov",)
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        self.name = name
+        self._setup = setup
+        self._stepper = TOGETHER[setup.scheme]
+        drift = scene_drift(setup)
+        self._drift = drift._replace(pairs=None)
+        self._walls = self._ghosts(drift.pairs)
+        self._interaction = _scene_samples(setup.scene)
+        particles = setup.scene.particles
+        self._weights = (1.0 / particles.mass, 1.0 / particles.inertia)
+        self._rates = scene_rates(setup)
+        self._limits = scene_limits(setup)
+        self._state = start_state(setup)
+        self._blocks = np.zeros(1, np.int64)
+
+    @staticmethod
+    def _ghosts(pairs: Pairs | None) -> tuple[Sources | None, Pairs | None]:
+        if pairs is None or pairs.ghosts is None:
+            return None, None
+        return pairs.ghosts, pairs
+
+    @property
+    def time(self) -> float:
+        """The time that all samples have reached."""
+        return float(self._state.clock[0, TIME])
+
+    def set_forces(self, place: Floats, force: Floats) -> int:
+        """Overwrite the drift (K, D, B) at `place`; returns how many samples lie outside the flow."""
+        outside = np.zeros(place.shape[0], np.int64)
+        drift, walls = self._drift, self._walls
+        over_blocks(
+            place.shape[0],
+            lambda a, b: _own_forces(drift, walls, place, force, outside, (a, b)),
+        )
+        if self._interaction is not None:
+            self._interaction.add_forces(place, self._weights, force)
+        return int(outside.sum())
+
+    def advance(self, until: float) -> None:
+        """A few steps of all samples; as many as there is noise for in one block of it."""
+        state = self._state._replace(noise=self._draw_noise())
+        steps = _STEPS_PER_CALL if state.noise is None else STEPS_PER_BLOCK
+        self._stepper.advance(state, self.set_forces, self._rates, self._limits, until, steps)
+        self._check()
+
+    def _draw_noise(self) -> Floats | None:
+        """The next block of every realisation's noise; None without noise."""
+        rates = self._rates
+        components = (rates.last_noisy - rates.first_noisy) * self._stepper.noise_per_step
+        if components == 0:
+            return None
+        realisations, _, number = self._state.place.shape
+        noise = np.empty((realisations, STEPS_PER_BLOCK, components, number))
+        block, seed = int(self._blocks[0]), self._setup.seed
+
+        def draw(first: int, end: int) -> None:
+            for k in range(first, end):
+                noise[k] = gaussian_block(seed, k, block, components, number)
+
+        over_blocks(realisations, draw)
+        self._blocks += 1
+        return noise
+
+    def _check(self) -> None:
+        clock = self._state.clock[0]
+        status = int(clock[STATUS])
+        if self._setup.terms.reflection and self._setup.terms.flow and clock[OUTSIDE] > 0:
+            status = status if status != RUNNING else LEFT_FLOW
+        if status != RUNNING:
+            what, remedy = MEANING[status]
+            raise RunError(
+                f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}: {what}. {remedy}"
+            )
+
+    def snapshot(self) -> Arrays:
+        """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""
+        place, velocity = self._state.place, self._state.velocity
+        turns = place.shape[1] == 3
+        still = np.full((1, place[:, 0].size), self._setup.scene.start.angle)
+        return {
+            "x": place[:, 0].reshape(1, -1),
+            "y": place[:, 1].reshape(1, -1),
+            "angle": place[:, 2].reshape(1, -1) if turns else still,
+            "velocity_x": velocity[:, 0].reshape(1, -1),
+            "velocity_y": velocity[:, 1].reshape(1, -1),
+            "angular_velocity": velocity[:, 2].reshape(1, -1) if turns else np.zeros_like(still),
+        }
+
+    def state(self) -> Arrays:
+        """Positions, velocities, drift, clock and the number of noise blocks used."""
+        fields = self._state
+        return {
+            "place": fields.place,
+            "velocity": fields.velocity,
+            "force": fields.force,
+            "clock": fields.clock,
+            "blocks": self._blocks,
+        }
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        current = self.state()
+        for name, array in state.items():
+            current[name][...] = array
+
+    def counts(self) -> dict[str, float]:
+        """Steps, repeated steps, samples and harmonics."""
+        clock = self._state.clock[0]
+        return {
+            "steps": float(clock[STEPS]),
+            "rejected_steps": float(clock[REJECTED]),
+            "samples": float(self._state.place[:, 0].size),
+            "harmonics": float(self._interaction.harmonics if self._interaction else 0),
+            "particles_outside_flow": float(clock[OUTSIDE]),
+            "mass_start": 1.0,
+            "mass_end": 1.0,
+            "mass_left": 0.0,
+        }
+
+    def coordinates(self) -> dict[str, Floats]:
+        """Samples are plain counts."""
+        return {}
+
+
+MODEL = McKeanVlasov

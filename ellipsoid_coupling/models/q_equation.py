@@ -1,0 +1,229 @@
+"""The q-equations, `eq:macro_q_max` and `eq:macro_q_mono`: density over place and angle.
+
+    d_t q         + div_r(q v)               + d_theta(q omega)         = 0
+    d_t (q v)     + div_r(q v (x) v + p q I) + d_theta(q v omega)       = q S_1 - (A^2/2) q v
+    d_t (q omega) + div_r(q v omega)         + d_theta(q omega^2 + p q) = q S_2 - (B^2/2) q omega
+
+    S_1 = gamma (u - v) - K_1[q]/m - grad V1,   S_2 = gamma_bar (g - omega) - K_2[q]/I_c - dV2
+
+The closure is the pressure coefficient p: 1 Maxwellian, 0 mono-kinetic. Scheme `paper`: FORCE in x,
+y and theta, then implicit Euler. Scheme `accurate`: kick-drift-kick about a ballistic flight where
+there is no pressure, else the balanced scheme of schemes/balanced.py. `_STEPPERS` names them all.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
+from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
+from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
+from ellipsoid_coupling.models.base import Arrays, SchemeName, Setup
+from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
+from ellipsoid_coupling.physics.closure import PRESSURE
+from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.balanced import BalancedHeun
+from ellipsoid_coupling.schemes.crossing import CrossingDetector
+from ellipsoid_coupling.schemes.grid import scene_grid, start_density
+from ellipsoid_coupling.schemes.q_grid import (
+    QOMEGA,
+    QVX,
+    QVY,
+    Q,
+    QGrid,
+    check_angles,
+    inside,
+    start_angles,
+)
+from ellipsoid_coupling.schemes.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
+from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, STEP_TOO_SMALL
+
+Floats = NDArray[np.float64]
+
+_STEPPERS: dict[tuple[str, SchemeName], type[QStepper]] = {
+    ("mono_kinetic", "paper"): Godunov,
+    ("maxwellian", "paper"): Godunov,
+    ("mono_kinetic", "accurate"): KickDriftKick,
+    ("maxwellian", "accurate"): BalancedHeun,
+}
+
+_STEPS_PER_CALL = 4
+_SMALLEST_STEP = 1e-12
+_TIME, _STEPS = range(2)
+
+
+class QEquation:
+    """`Model` of the q-equations.
+
+    Raises
+    ------
+    InputError
+        For a grid that does not fit the domain, too few angles, or kernels that fill the memory.
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("q_maxwellian", "q_mono_kinetic")
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        self.name = name
+        self._setup = setup
+        closure = name.removeprefix("q_")
+        stepper = _STEPPERS[closure, setup.scheme]
+        self.system = build_system(setup, PRESSURE[closure], stepper.quantity)
+        self.grid = self.system.grid
+        self.stepper: QStepper = stepper(self.system)
+        self.stepper.prepare()
+        self._clock = np.zeros(2)
+        # Under pressure characteristics do not cross.
+        single = self.system.pressure == 0.0
+        self._crossing = CrossingDetector(self.system.terms.damping) if single else None
+        self._mass_start = self._mass()
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return float(self._clock[_TIME])
+
+    def _mass(self) -> float:
+        return float(inside(self.system.fields)[Q].sum() * self.grid.volume)
+
+    def advance(self, until: float) -> None:
+        """Some steps, each as long as the CFL number allows."""
+        for _ in range(_STEPS_PER_CALL):
+            remaining = until - self.time
+            if remaining <= 0.0:
+                return
+            allowed = self.stepper.largest_step(self._setup.scene.numerics.cfl)
+            if allowed == 0.0:
+                raise self._failure(NOT_FINITE)
+            if not allowed > _SMALLEST_STEP * until:
+                raise self._failure(STEP_TOO_SMALL)
+            steps = np.ceil(remaining / allowed * (1.0 - 1e-12))
+            self.stepper.step(remaining / max(steps, 1.0), int(self._clock[_STEPS]))
+            self._clock[_TIME] = until if steps <= 1.0 else until - remaining * (1.0 - 1.0 / steps)
+            self._clock[_STEPS] += 1
+            if self._crossing is not None:
+                self._crossing.look(self.system.fields, self.grid.plane.cell, self.time)
+
+    def _failure(self, status: int) -> RunError:
+        what, remedy = MEANING[status]
+        return RunError(
+            f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
+            f"step {int(self._clock[_STEPS])}: {what}. {remedy}"
+        )
+
+    def snapshot(self) -> Arrays:
+        """density, velocity_x, velocity_y, angular_velocity, each (na, ny, nx); 0 in vacuum."""
+        fields = inside(self.system.fields)
+        turns = fields.shape[0] > QOMEGA
+        return {
+            "density": fields[Q].copy(),
+            "velocity_x": self._carried(QVX),
+            "velocity_y": self._carried(QVY),
+            "angular_velocity": self._carried(QOMEGA) if turns else np.zeros(self.grid.shape),
+        }
+
+    def _carried(self, component: int) -> Floats:
+        fields = inside(self.system.fields)
+        q = fields[Q]
+        values: Floats = np.divide(fields[component], q, out=np.zeros(q.shape), where=q > 0.0)
+        return values
+
+    def state(self) -> Arrays:
+        """Fields, clock and what the stepper and the detector remember."""
+        arrays: Arrays = {
+            "fields": self.system.fields,
+            "clock": self._clock,
+            "memory": self.stepper.memory,
+        }
+        if self._crossing is not None:
+            arrays["crossing"] = self._crossing.memory
+        return arrays
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        current = self.state()
+        for name, array in state.items():
+            current[name][...] = array
+        self.system.look_for_mass()
+        self.stepper.prepare()
+
+    def counts(self) -> dict[str, float]:
+        """Steps, the mass balance and, if mono-kinetic, when characteristics crossed (else NaN)."""
+        mass = self._mass()
+        crossing = {} if self._crossing is None else {"crossing_time": self._crossing.time}
+        return crossing | {
+            "steps": float(self._clock[_STEPS]),
+            "mass_start": self._mass_start,
+            "mass_end": mass,
+            "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
+        }
+
+    def coordinates(self) -> dict[str, Floats]:
+        """Cell centres."""
+        plane = self.grid.plane
+        return {"angle": self.grid.angle, "y": plane.y, "x": plane.x}
+
+
+def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
+    """The scene's grid, start and terms; what it lacks is None."""
+    scene, terms = setup.scene, setup.terms
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    grid = _scene_q_grid(scene)
+    turns = terms.angle and grid.angles > 1
+    if turns:
+        check_angles(scene.name, grid.angles)
+    fields = np.zeros((4 if terms.angle else 3, *grid.padded))
+    density = start_density(grid.plane, scene) / grid.angle_width
+    parts = start_angles(grid, scene.start.angle)
+    inside(fields)[Q] = parts[:, None, None] * density
+    interaction = None
+    if scene.interaction is not None:
+        strength = scene.interaction.strength
+        interaction = AngleGridInteraction(grid.shape, grid.plane.cell, shape, strength, quantity)
+    return QSystem(
+        grid=grid,
+        fields=fields,
+        terms=scene_cell_terms(setup, grid.plane),
+        axes=(-1, -2, -3) if turns else (-1, -2),
+        pressure=pressure,
+        reflecting=terms.reflection,
+        interaction=interaction,
+        walls=_wall_forces(scene, grid, shape),
+    )
+
+
+def _scene_q_grid(scene: Scene) -> QGrid:
+    """Circles look the same at every angle: one cell, unless V2 tells the angles apart."""
+    one = scene.particles.is_circle and scene.angular_potential is None
+    return QGrid(scene_grid(scene), 1 if one else scene.numerics.angle_cells)
+
+
+def _wall_forces(scene: Scene, grid: QGrid, shape: PotentialShape) -> AngleForces | None:
+    """What the walls do to every cell and every angle that the potential tells apart."""
+    walls = scene_walls(scene, shape)
+    if walls is None:
+        return None
+    table: WallTable = walls.table(grid.plane.cell)
+    n = distinct_angles(grid.angles, shape)
+    force_x, force_y, torque = np.zeros((3, n, *grid.plane.shape))
+    for side in table.sides:
+        frame = WALL_FRAMES[side]
+        count = grid.plane.nx if frame.normal_x else grid.plane.ny
+        distance = np.arange(count, dtype=np.int64)
+        if frame.normal_x + frame.normal_y < 0.0:
+            distance = distance[::-1]
+        push, turning = table.force(distance, grid.angle[:n, None] - frame.angle)
+        across = np.s_[:, None, :] if frame.normal_x else np.s_[:, :, None]
+        force_x += frame.normal_x * push[across]
+        force_y += frame.normal_y * push[across]
+        torque += turning[across]
+    return AngleForces(force_x, force_y, torque if shape.shape_factor else None)
+
+
+MODEL = QEquation

@@ -1,0 +1,200 @@
+"""What every equation for rho(r), phi(r) on an r-grid shares: fields, drift, steps, results.
+
+A model derives from `RGridEquation`, names itself and hands over its splitting; fields, drift and
+the three operations that a splitting uses (`schemes.splitting.SplitEquation`) live here.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
+from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.schemes.boundary import fill_ghosts
+from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.grid import Grid, interior, scene_grid, start_density
+from ellipsoid_coupling.schemes.sources import (
+    ANGLE,
+    MOMENTUM_X,
+    MOMENTUM_Y,
+    RHO,
+    SPIN,
+    set_drift,
+)
+from ellipsoid_coupling.schemes.splitting import Splitting
+from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, STEP_TOO_SMALL
+from ellipsoid_coupling.schemes.sweeps import sweep
+
+Floats = NDArray[np.float64]
+
+_STEPS_PER_CALL = 4
+_SMALLEST_STEP = 1e-12
+_TIME, _STEPS, _REJECTED = range(3)
+
+
+class RGridEquation:
+    """A `Model` but for its names; `splitting` steps it.
+
+    Attributes
+    ----------
+    fields : (5, ny + 4, nx + 4) float64, or 3 components where nothing turns
+        rho, rho v_x, rho v_y, rho phi, rho omega; padded by two ghost layers.
+    drift : (3 or 2, ny, nx)
+        F_x, F_y and F_bar of `schemes.sources`, at the present fields.
+    """
+
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
+
+    def __init__(self, name: str, setup: Setup, splitting: Splitting) -> None:
+        self.name = name
+        self._setup = setup
+        scene = setup.scene
+        self.grid: Grid = scene_grid(scene)
+        self.terms = scene_cell_terms(setup, self.grid)
+        self._interaction, self._walls = _scene_interaction(setup, self.grid)
+        self._splitting = splitting
+        self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
+        interior(self.fields)[RHO] = start_density(self.grid, scene)
+        if setup.terms.angle:
+            self.fields[ANGLE] = self.fields[RHO] * scene.start.angle
+        self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
+        self._clock = np.zeros(3)
+        self._mass_start = self._mass()
+        self.evaluate_drift()
+
+    @property
+    def cell(self) -> float:
+        """The cell width h."""
+        return self.grid.cell
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return float(self._clock[_TIME])
+
+    def _mass(self) -> float:
+        return float(interior(self.fields)[RHO].sum() * self.cell**2)
+
+    def transport(self, flux: Ballistic | Force, axis: int, dt: float) -> None:
+        """Move all fields along x (axis -1) or y (-2) for dt, boundary conditions included."""
+        normal = MOMENTUM_X if axis == -1 else MOMENTUM_Y
+        fill_ghosts(self.fields, axis + 3, self._setup.terms.reflection, normal)
+        sweep(flux, self.fields, axis, normal, dt / self.cell)
+
+    def evaluate_drift(self) -> None:
+        """F and F_bar of the present fields, interaction and walls included."""
+        set_drift(self.fields, self.terms, self._forces(), self.drift)
+
+    def _forces(self) -> Forces | None:
+        if self._interaction is None:
+            return None
+        density = np.ascontiguousarray(interior(self.fields)[RHO])
+        angle = self._mean_angle()
+        forces = self._interaction(density, angle)
+        if self._walls is not None:
+            self._walls.add_to(forces, density, angle)
+        return forces
+
+    def _carried(self, component: int) -> Floats:
+        """A carried quantity a = (rho a)/rho, (ny, nx); 0 in vacuum."""
+        rho = interior(self.fields)[RHO]
+        values = interior(self.fields)[component]
+        return np.asarray(np.divide(values, rho, out=np.zeros_like(rho), where=rho > 0.0))
+
+    def _mean_angle(self) -> Floats:
+        if self._setup.terms.angle:
+            return self._carried(ANGLE)
+        return np.full(self.grid.shape, self._setup.scene.start.angle)
+
+    def advance(self, until: float) -> None:
+        """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
+        for _ in range(_STEPS_PER_CALL):
+            remaining = until - self.time
+            if remaining <= 0.0:
+                return
+            allowed = self._splitting.largest_step(self, self._setup.scene.numerics.cfl)
+            dt = remaining / np.ceil(remaining / allowed * (1.0 - 1e-12)) if allowed else 0.0
+            self._step(dt if np.isfinite(allowed) else remaining, until)
+
+    def _step(self, dt: float, until: float) -> None:
+        before = self.fields.copy()
+        while not self._splitting.step(self, dt, int(self._clock[_STEPS])):
+            self.fields[:] = before
+            self._clock[_REJECTED] += 1
+            dt *= 0.5
+            if not dt > _SMALLEST_STEP * until:
+                raise self._failure(STEP_TOO_SMALL)
+        remaining = until - self._clock[_TIME]
+        self._clock[_TIME] = until if dt == remaining else self._clock[_TIME] + dt
+        self._clock[_STEPS] += 1
+        if not np.isfinite(self.drift).all() or not np.isfinite(self._mass()):
+            raise self._failure(NOT_FINITE)
+
+    def _failure(self, status: int) -> RunError:
+        what, remedy = MEANING[status]
+        return RunError(
+            f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
+            f"step {int(self._clock[_STEPS])}: {what}. {remedy}"
+        )
+
+    def snapshot(self) -> Arrays:
+        """density, mean_angle, velocity_x, velocity_y, angular_velocity, each (ny, nx)."""
+        turns = self._setup.terms.angle
+        return {
+            "density": interior(self.fields)[RHO].copy(),
+            "mean_angle": self._mean_angle(),
+            "velocity_x": self._carried(MOMENTUM_X),
+            "velocity_y": self._carried(MOMENTUM_Y),
+            "angular_velocity": self._carried(SPIN) if turns else np.zeros(self.grid.shape),
+        }
+
+    def state(self) -> Arrays:
+        """Fields, drift and clock."""
+        return {"fields": self.fields, "drift": self.drift, "clock": self._clock}
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        current = self.state()
+        for name, array in state.items():
+            current[name][...] = array
+
+    def counts(self) -> dict[str, float]:
+        """Steps, repeated steps and the mass balance."""
+        mass = self._mass()
+        return {
+            "steps": float(self._clock[_STEPS]),
+            "rejected_steps": float(self._clock[_REJECTED]),
+            "mass_start": self._mass_start,
+            "mass_end": mass,
+            "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
+        }
+
+    def coordinates(self) -> dict[str, Floats]:
+        """Cell centres."""
+        return {"y": self.grid.y, "x": self.grid.x}
+
+
+def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None, WallTable | None]:
+    scene = setup.scene
+    if scene.interaction is None:
+        return None, None
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    numerics, strength = scene.numerics, scene.interaction.strength
+    interaction = choose_interaction(
+        grid.shape,
+        grid.cell,
+        shape,
+        strength,
+        tolerance=numerics.harmonics_tolerance,
+        method=numerics.interaction,
+    )
+    walls = scene_walls(scene, shape)
+    table = walls.table(grid.cell) if walls is not None else None
+    return interaction, table

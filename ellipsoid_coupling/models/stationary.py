@@ -1,0 +1,188 @@
+"""The stationary solution without fluid, with the interaction potential as the errata have it.
+
+    q_stat = exp(-V1 - V2 - U*q_stat/m)/Z,      Z such that q_stat has mass 1
+
+It does not depend on the noise, since A dW comes with the damping A^2/2. The unknown of the
+iteration is the potential U*q/m: it is smooth and bounded, and q follows from it as a positive
+density of mass 1. Both schemes are the same: a fixed point has no time step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.fixed_point import Anderson
+from ellipsoid_coupling.schemes.grid import Grid, scene_grid
+
+Floats = NDArray[np.float64]
+
+# Largest integral of |q - exp(-V - U*q)/Z|.
+TOLERANCE = 1e-13
+_DEPTH, _MIXING = 8, 0.3
+# The memory is dropped after each call of `advance`, so that a restart needs the potential only.
+_ITERATIONS_PER_CALL = 100
+_MOST_ITERATIONS = 2000
+# An iteration that failed may have left any potential; its Z shall not overflow.
+_LARGEST_LOG = 700.0
+
+_TIME, _STEPS, _RESIDUAL = range(3)
+
+
+class StationaryState:
+    """`Model` of the stationary solution: `advance` iterates, then time jumps to where it is asked.
+
+    Raises
+    ------
+    InputError
+        For a scene that has no such state: with a fluid, walls, or no outer potential; or with
+        interaction and m != I_c, for then the forces have no common potential.
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("stationary_state",)
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
+
+    def __init__(self, name: str, setup: Setup) -> None:
+        _require_stationary(setup.scene)
+        self.name = name
+        self._setup = setup
+        self.grid: Grid = scene_grid(setup.scene)
+        self.angles = setup.scene.numerics.angle_cells if setup.terms.angle else 1
+        self.outer = self._outer_potential()
+        self._interaction = self._interaction_potential()
+        self._potential = np.zeros(self.outer.shape)
+        self._clock = np.array([0.0, 0.0, np.inf])
+
+    @property
+    def _cell_volume(self) -> float:
+        return self.grid.cell**2 * 2.0 * np.pi / self.angles
+
+    @property
+    def time(self) -> float:
+        """0 until the iteration has converged, then whatever was asked for last."""
+        return float(self._clock[_TIME])
+
+    def _outer_potential(self) -> Floats:
+        """V1 + V2, (na, ny, nx)."""
+        scene = self._setup.scene
+        angle = 2.0 * np.pi / self.angles * np.arange(self.angles)
+        stiffness = scene.outer_potential.stiffness if scene.outer_potential else 0.0
+        amplitude = scene.angular_potential.amplitude if scene.angular_potential else 0.0
+        in_space = 0.5 * stiffness * (self.grid.y[:, None] ** 2 + self.grid.x**2)
+        return np.asarray(in_space + amplitude * np.sin(angle)[:, None, None])
+
+    def _interaction_potential(self) -> PotentialGrid | None:
+        scene = self._setup.scene
+        if scene.interaction is None:
+            return None
+        shape = potential_shape(scene.particles.length, scene.particles.width)
+        strength = scene.interaction.strength / scene.particles.mass
+        return PotentialGrid((self.angles, *self.grid.shape), self.grid.cell, shape, strength)
+
+    def _boltzmann(self, potential: Floats) -> tuple[Floats, float]:
+        """The density exp(-V - potential)/Z and log Z."""
+        exponent = -self.outer - potential
+        largest = float(exponent.max())
+        factors = np.exp(exponent - largest)
+        total = float(factors.sum()) * self._cell_volume
+        return factors / total, math.log(total) + largest
+
+    def _image(self, density: Floats) -> Floats:
+        """U*q/m, (na, ny, nx)."""
+        if self._interaction is None:
+            return np.zeros_like(density)
+        return self._interaction(density)
+
+    def advance(self, until: float) -> None:
+        """At most a hundred iterations; once converged, time is `until`."""
+        memory = Anderson(_DEPTH, _MIXING)
+        for _ in range(_ITERATIONS_PER_CALL):
+            if self._clock[_RESIDUAL] <= TOLERANCE:
+                self._clock[_TIME] = until
+                return
+            self._iterate(memory)
+        if not self._clock[_STEPS] < _MOST_ITERATIONS:
+            raise RunError(
+                f"{self._setup.scene.name}, {self.name}: the iteration has not converged after "
+                f"{_MOST_ITERATIONS} steps, the residual is {self._clock[_RESIDUAL]:.3g}. "
+                "Weaken the interaction: a strong one has many stationary states."
+            )
+
+    def _iterate(self, memory: Anderson) -> None:
+        density, _ = self._boltzmann(self._potential)
+        image = self._image(density)
+        next_density, _ = self._boltzmann(image)
+        miss = float(np.abs(next_density - density).sum()) * self._cell_volume
+        self._clock[_RESIDUAL] = miss
+        self._clock[_STEPS] += 1
+        if miss > TOLERANCE:
+            self._potential = memory.next(self._potential, image, np.sqrt(density))
+
+    def snapshot(self) -> Arrays:
+        """The density (na, ny, nx); velocities and angular velocity are 0."""
+        density, _ = self._boltzmann(self._potential)
+        still = np.zeros_like(density)
+        return {
+            "density": density,
+            "velocity_x": still,
+            "velocity_y": still.copy(),
+            "angular_velocity": still.copy(),
+        }
+
+    def state(self) -> Arrays:
+        """The potential U*q/m and the clock."""
+        return {"potential": self._potential, "clock": self._clock}
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        self._potential = np.array(state["potential"], dtype=np.float64)
+        self._clock[:] = state["clock"]
+
+    def counts(self) -> dict[str, float]:
+        """Iterations, residual (integral of |q - exp(-V - U*q)/Z|), Z and the mass."""
+        density, log_constant = self._boltzmann(self._potential)
+        return {
+            "steps": float(self._clock[_STEPS]),
+            "rejected_steps": 0.0,
+            "residual": float(self._clock[_RESIDUAL]),
+            "normalising_constant": math.exp(min(log_constant, _LARGEST_LOG)),
+            "mass_start": 1.0,
+            "mass_end": float(density.sum()) * self._cell_volume,
+            "mass_left": 0.0,
+        }
+
+    def coordinates(self) -> dict[str, Floats]:
+        """Cell centres; angles are the multiples of 2 pi / na."""
+        angle = 2.0 * np.pi / self.angles * np.arange(self.angles)
+        return {"angle": np.asarray(angle, np.float64), "y": self.grid.y, "x": self.grid.x}
+
+
+def _require_stationary(scene: Scene) -> None:
+    particles = scene.particles
+    if scene.flow is not None:
+        found = "[flow]: a fluid drags particles round and round"
+    elif scene.outer_potential is None:
+        found = "no [outer_potential]: nothing keeps the particles together"
+    elif scene.walls is not None:
+        found = "[walls], whose ghosts this model does not have"
+    elif scene.interaction is not None and particles.mass != particles.inertia:
+        found = f"mass {particles.mass:g} and inertia {particles.inertia:g}, which differ"
+    else:
+        return
+    raise InputError(
+        f"scene {scene.name}, model stationary_state",
+        "no [flow], no [walls], an [outer_potential] and, with [interaction], mass = inertia",
+        found,
+        "There is no stationary state of this form; choose another scene or model.",
+    )
+
+
+MODEL = StationaryState

@@ -1,0 +1,277 @@
+"""Scheme `accurate` for the Maxwellian closure: balanced, positive, second order.
+
+One direction at a time, with its flux, its force and the damping of its own momentum m,
+
+    d_t q + d_x m = 0,   d_t m + d_x(m v + q) = q F - Gamma m,   d_t(q a) + d_x(m a) = 0
+
+Equilibria are kept exactly. The force acts through the work g that it does from cell centre to cell
+centre; at rest q_{i+1} = q_i e^g. The kinetic flux (fluxes/kinetic.py) then has the pressure
+q_i e^{g/2} at a face, and the source takes the difference of the two faces' pressures,
+
+    dt S = dt/h q_i (e^{g_up/2} - e^{-g_down/2}) c(s)/c(g)
+
+c makes it the force on the cell's mean density, sinh(s/2)/(s/2) q_i, where the profile's
+logarithmic slope s is not the equilibrium's: by Simpson's rule, c = 2 + (both faces' q)/(2 q_i).
+
+The work of a potential is its difference: that of -(V1 + V2 + U * q) between the centres, so that
+the state at rest is q = exp(-V1 - V2 - U * q)/Z on the very cells.
+
+In time, Heun's method, with the damping integrated exactly (Cox and Matthews' ETD2RK for m), which
+keeps the drift m = R/Gamma of strong damping. The potential U * q is that of the density half a
+step ahead, q - dt/2 div m. Directions change order from step to step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.angle_spectra import Quantity
+from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel
+from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
+from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Q, Window, inside
+from ellipsoid_coupling.schemes.q_sources import accelerations, exact_gain, largest_step
+from ellipsoid_coupling.schemes.q_splitting import QSystem
+
+Floats = NDArray[np.float64]
+
+# Work from centre to centre beyond this, in units of the temperature, acts as a plain force: there
+# one cell's equilibrium says nothing about its neighbour.
+_STEEPEST = 4.0
+
+
+class BalancedHeun:
+    """Steps a `QSystem` with pressure 1 as above."""
+
+    order: ClassVar[int] = 2
+    quantity: ClassVar[Quantity] = "potential"
+
+    def __init__(self, system: QSystem) -> None:
+        self._system = system
+        self._steady = _steady_forces(system)
+        # The strongest pull of the interaction in each direction, as of the last step.
+        self.memory = np.zeros(3)
+        self._before = np.empty_like(system.fields)
+        self._middle = np.empty_like(system.fields)
+
+    def prepare(self) -> None:
+        """The pull of the interaction at the present density, where no step has told it yet."""
+        if not self.memory.any():
+            self._note_pull(self._potential(0.0))
+
+    def largest_step(self, cfl: float) -> float:
+        """From the fastest signal, the forces within the step included."""
+        system = self._system
+        limits = system.limits(cfl)._replace(sound=SIGNAL)
+        shortest = largest_step(system.fields, system.window, system.terms, system.walls, limits)
+        for distance, pull in zip(limits.distances, self.memory, strict=False):
+            # dt (distance/shortest + pull dt/2) = distance, which no cell exceeds.
+            speed = distance / shortest if shortest > 0.0 else np.inf
+            root = speed + math.sqrt(speed * speed + 2.0 * float(pull) * distance)
+            shortest = 2.0 * distance / root
+        return float(shortest)
+
+    def step(self, dt: float, count: int) -> None:
+        """See the module."""
+        potential = self._potential(0.5 * dt)
+        self._note_pull(potential)
+        axes = self._system.axes
+        for axis in axes if count % 2 == 0 else axes[::-1]:
+            self._step_along(axis, self._work(axis, potential), dt)
+        self._system.look_for_mass()
+
+    def _potential(self, ahead: float) -> Floats | None:
+        """U * q, (n, ny, nx), of the density `ahead` of now; None without interaction."""
+        system = self._system
+        if system.interaction is None:
+            return None
+        density = inside(system.fields)[Q]
+        for axis in system.axes if ahead else ():
+            self._fill(axis)
+            momentum = system.fields[NORMAL[axis]]
+            high = inside(np.roll(momentum, -1, axis))
+            low = inside(np.roll(momentum, 1, axis))
+            density = density - 0.5 * ahead / system.grid.width(axis) * (high - low)
+        return system.interaction.potential(density)
+
+    def _fill(self, axis: int) -> None:
+        system = self._system
+        if axis == -3:
+            fill_periodic(system.fields, 1)
+        else:
+            fill_ghosts(system.fields, axis + 4, system.reflecting, NORMAL[axis])
+
+    def _weight(self, axis: int) -> float:
+        terms = self._system.terms
+        return terms.inverse_inertia if axis == -3 else terms.inverse_mass
+
+    def _note_pull(self, potential: Floats | None) -> None:
+        if potential is None:
+            return
+        for d, axis in enumerate(self._system.axes):
+            # Differences over the periodic end of x and y never occur: nothing reaches that far.
+            rise = np.abs(np.diff(potential, axis=axis)).max(initial=0.0)
+            self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
+
+    def _work(self, axis: int, potential: Floats | None) -> Floats:
+        """The work from every cell's centre to the next one's, (na + 4, ny + 4, nx + 4).
+
+        0 across the boundary in space; mirrored in the ghosts of a wall.
+        """
+        system = self._system
+        steady = self._steady[-1 - axis]
+        work = 0.5 * system.grid.width(axis) * (steady + np.roll(steady, -1, axis))
+        if potential is not None:
+            turns = system.grid.angles // potential.shape[0]
+            drop = self._weight(axis) * (potential - np.roll(potential, -1, axis))
+            work += np.tile(drop, (turns, 1, 1))
+        padded = np.zeros(system.grid.padded)
+        inside(padded)[...] = work
+        if axis == -3:
+            fill_periodic(padded[None], 1)
+            return padded
+        lines = np.moveaxis(padded, axis, 0)
+        lines[-GHOSTS - 1] = 0.0
+        if system.reflecting:
+            lines[0], lines[-GHOSTS] = -lines[GHOSTS], -lines[-GHOSTS - 2]
+        return padded
+
+    def _step_along(self, axis: int, work: Floats, dt: float) -> None:
+        system = self._system
+        kept = np.clip(work, -_STEEPEST, _STEEPEST)
+        field = _Field(np.exp(0.5 * kept).ravel(), (work - kept).ravel(), axis)
+        flux = Kinetic(field.tilt)
+        rate = system.terms.angular_damping if axis == -3 else system.terms.damping
+        weights = _exponential_weights(rate, dt)
+        ratio = dt / system.grid.width(axis)
+        self._fill(axis)
+        self._before[:] = system.fields
+        system.transport(flux, axis, dt)
+        _push(system.fields, self._before, system.window, field, ratio, weights)
+        self._fill(axis)
+        self._middle[:] = system.fields
+        system.transport(flux, axis, dt)
+        states = system.fields, self._before, self._middle
+        _combine(*states, system.window, field, ratio, weights)
+
+
+def _steady_forces(system: QSystem) -> Floats:
+    """F_x, F_y, F_bar of all cells without interaction, (2 or 3, na, ny, nx).
+
+    Their work is taken by the trapezoidal rule: exact for V1. With the amplitude of V2 raised by
+    tan(k/2)/(k/2) it is exact for V2 as well.
+    """
+    terms = system.terms
+    half = 0.5 * system.grid.angle_width
+    if terms.amplitude is not None:
+        terms = terms._replace(amplitude=terms.amplitude * math.tan(half) / half)
+    steady = np.zeros((system.fields.shape[0] - 1, *system.grid.shape))
+    accelerations(terms, system.walls, steady)
+    return steady
+
+
+def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
+    """exp(-z), phi_1 and phi_2 at z = rate dt; 1, 1 and 1/2 at 0."""
+    z = rate * dt
+    first = exact_gain(rate, dt) / dt
+    # The quotient loses digits for small z, where two terms of the series are exact to 1e-9.
+    second = (1.0 - first) / z if z > 1e-4 else 0.5 - z / 6.0
+    return math.exp(-z), first, second
+
+
+class _Field(NamedTuple):
+    """The force along one axis, flat like the fields.
+
+    Attributes
+    ----------
+    tilt : (cells,) float64
+        See `Kinetic`.
+    rest : (cells,)
+        Work from centre to centre beyond what `tilt` holds.
+    axis : int
+        -1, -2 or -3.
+    """
+
+    tilt: Floats
+    rest: Floats
+    axis: int
+
+
+@inline_kernel
+def _source(q: Floats, p: int, stride: int, tilt: Floats, rest: Floats) -> float:
+    """The source h S of the cell p of a flat density."""
+    rise, fall = tilt[p], 1.0 / tilt[p - stride]
+    factor = face_factor(q[p - stride], q[p], q[p + stride], rise, fall)
+    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    push: float = mean * (rise - fall) + 0.5 * (rest[p] + rest[p - stride])
+    return push * float(q[p])
+
+
+@inline_kernel
+def _stride(fields: Floats, axis: int) -> int:
+    """The distance of neighbours along an axis in the flat fields."""
+    row = fields.shape[3]
+    return 1 if axis == -1 else row if axis == -2 else row * fields.shape[2]
+
+
+@parallel_kernel
+def _push(
+    fields: Floats,
+    before: Floats,
+    window: Window,
+    field: _Field,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m."""
+    planes, extent = window
+    tilt, rest, axis = field
+    decay, first, _ = weights
+    rows, width = extent[1] - extent[0], extent[3] - extent[2]
+    stride, normal = _stride(fields, axis), QVX - 1 - axis
+    old = before.reshape(fields.shape[0], -1)
+    new = fields.reshape(fields.shape[0], -1)
+    for task in numba.prange(planes.size * rows):
+        a, j = planes[task // rows] + GHOSTS, extent[0] + task % rows + GHOSTS
+        begin = (a * fields.shape[2] + j) * fields.shape[3] + extent[2] + GHOSTS
+        for p in range(begin, begin + width):
+            source = ratio * _source(old[Q], p, stride, tilt, rest)
+            m = old[normal, p]
+            new[normal, p] = decay * m + first * (new[normal, p] - m + source)
+
+
+@parallel_kernel
+def _combine(
+    fields: Floats,
+    before: Floats,
+    middle: Floats,
+    window: Window,
+    field: _Field,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0)."""
+    planes, extent = window
+    tilt, rest, axis = field
+    decay, first, second = weights
+    rows, width = extent[1] - extent[0], extent[3] - extent[2]
+    stride, normal = _stride(fields, axis), QVX - 1 - axis
+    old = before.reshape(fields.shape[0], -1)
+    half = middle.reshape(fields.shape[0], -1)
+    new = fields.reshape(fields.shape[0], -1)
+    for task in numba.prange(planes.size * rows):
+        a, j = planes[task // rows] + GHOSTS, extent[0] + task % rows + GHOSTS
+        begin = (a * fields.shape[2] + j) * fields.shape[3] + extent[2] + GHOSTS
+        for p in range(begin, begin + width):
+            m1 = half[normal, p]
+            change = new[normal, p] - m1 + ratio * _source(half[Q], p, stride, tilt, rest)
+            change -= (m1 - decay * old[normal, p]) / first
+            for k in range(fields.shape[0]):
+                new[k, p] = 0.5 * (old[k, p] + new[k, p])
+            new[normal, p] = m1 + second * change

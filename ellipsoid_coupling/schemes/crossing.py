@@ -1,0 +1,112 @@
+"""When characteristics cross: the end of a mono-kinetic closure, seen from its own velocities.
+
+Where particles move alike, a compression alpha = -dv/dx brings neighbours together in the time
+1/alpha, unless damping Gamma stops them before: only alpha > Gamma counts. On a grid alpha cannot
+follow its blow-up 1/(t* - t) to the end: it stays behind, early in a diffusive scheme, a few cells
+before the end in a sharp one. So the estimate t + 1/alpha is followed:
+
+    crossed    once t passes the earliest estimate while alpha is still half of its largest value
+    the time   the present estimate while alpha grows, else the earliest estimate
+
+Compressions of cells that hold hardly any mass do not count.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
+from ellipsoid_coupling.schemes.grid import GHOSTS
+
+Floats = NDArray[np.float64]
+
+# Cells below this part of the largest density do not count.
+NEGLIGIBLE = 1e-3
+# A compression that has fallen below this part of its largest value has ended otherwise.
+PERSISTING = 0.5
+
+_CROSSED, _EARLIEST, _STRONGEST = range(3)
+_X, _Y = 1, 2
+
+
+@parallel_kernel
+def _largest_jump(fields: Floats, least: float) -> float:
+    """The largest v_i - v_{i+1}, along x or y, of neighbours denser than `least`; at least 0.
+
+    fields : (K, planes, ny + 4, nx + 4), density and both momenta first; ghosts are left out.
+    """
+    planes, rows = fields.shape[1], fields.shape[2] - 2 * GHOSTS
+    jumps = np.zeros(planes * rows)
+    for task in numba.prange(planes * rows):
+        a, j = task // rows, task % rows + GHOSTS
+        largest = 0.0
+        for i in range(GHOSTS, fields.shape[3] - GHOSTS):
+            here = fields[DENSITY, a, j, i]
+            if here > least:
+                right, above = fields[DENSITY, a, j, i + 1], fields[DENSITY, a, j + 1, i]
+                if right > least and i + 1 < fields.shape[3] - GHOSTS:
+                    jump = fields[_X, a, j, i] / here - fields[_X, a, j, i + 1] / right
+                    largest = max(largest, jump)
+                if above > least and j + 1 < rows + GHOSTS:
+                    jump = fields[_Y, a, j, i] / here - fields[_Y, a, j + 1, i] / above
+                    largest = max(largest, jump)
+        jumps[task] = largest
+    return float(jumps.max())
+
+
+def largest_compression(fields: Floats, cell: float) -> float:
+    """The largest -dv_x/dx or -dv_y/dy of cells that hold mass, 1/time; 0 without compression.
+
+    Parameters
+    ----------
+    fields : (K, ny + 4, nx + 4) or (K, na + 4, ny + 4, nx + 4) float64
+        Padded conserved fields: density and the momenta along x and y first. Ghost planes of the
+        angle may hold anything that its planes hold.
+    cell : float
+        Cell width h.
+    """
+    planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
+    largest = float(planes[DENSITY].max())
+    return _largest_jump(planes, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
+
+
+class CrossingDetector:
+    """Follows a mono-kinetic solution and remembers when its characteristics first crossed.
+
+    Parameters
+    ----------
+    damping : float
+        Gamma, the total damping of velocities.
+
+    Attributes
+    ----------
+    memory : (3,) float64
+        All that a restart needs.
+    """
+
+    def __init__(self, damping: float) -> None:
+        self._damping = damping
+        self.memory = np.array([np.nan, np.inf, 0.0])
+
+    @property
+    def time(self) -> float:
+        """When characteristics first crossed; NaN if they have not."""
+        return float(self.memory[_CROSSED])
+
+    def look(self, fields: Floats, cell: float, now: float) -> None:
+        """Take notice of the fields at the time `now`; see `largest_compression`."""
+        if np.isfinite(self.memory[_CROSSED]):
+            return
+        compression = largest_compression(fields, cell)
+        if compression <= self._damping:
+            return
+        grows = compression >= self.memory[_STRONGEST]
+        estimate = now + 1.0 / compression
+        self.memory[_STRONGEST] = max(compression, self.memory[_STRONGEST])
+        self.memory[_EARLIEST] = min(estimate, self.memory[_EARLIEST])
+        persists = compression >= PERSISTING * self.memory[_STRONGEST]
+        if persists and now >= self.memory[_EARLIEST]:
+            self.memory[_CROSSED] = estimate if grows else self.memory[_EARLIEST]

@@ -1,0 +1,216 @@
+"""Sources of `eq:macro_q_max` and `eq:macro_q_mono` cell by cell; the closure does not enter them.
+
+At a fixed place and angle the force and torque do not depend on the velocities, so
+
+    v' = F - Gamma v,                       F     = gamma u - grad V1 + force/m
+    omega' = F_bar - Gamma_bar omega,       F_bar = gamma_bar g - dV2/dtheta + torque/I_c
+
+are linear: the exact solution and an implicit Euler step are both a multiplication and an addition.
+Fields are (4 or 3, na + 4, ny + 4, nx + 4); only the cells of a window are visited.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.angle_grid import AngleForces
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.external import sine_torque
+from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Q, Window
+from ellipsoid_coupling.schemes.sources import CellTerms
+
+Floats = NDArray[np.float64]
+
+
+@kernel
+def _add_steady(steady: Floats | None, j: int, first: int, out: Floats) -> None:
+    if steady is not None:
+        for d in range(2):
+            for i in range(out.shape[1]):
+                out[d, i] += steady[d, j, first + i]
+
+
+@kernel
+def _add_turning(
+    turning: Floats | None, amplitude: float | None, j: int, first: int, angle: float, out: Floats
+) -> None:
+    """gamma_bar g - dV2/dtheta at a fixed angle."""
+    if turning is not None:
+        s2, c2 = math.sin(2.0 * angle), math.cos(2.0 * angle)
+        for i in range(out.shape[1]):
+            at = first + i
+            out[2, i] += turning[0, j, at] + turning[1, j, at] * s2 + turning[2, j, at] * c2
+    if amplitude is not None:
+        torque = sine_torque(angle, amplitude)
+        for i in range(out.shape[1]):
+            out[2, i] += torque
+
+
+@kernel
+def _add_torque(
+    torque: Floats | None, weight: float, at: tuple[int, int, int], out: Floats
+) -> None:
+    if torque is not None:
+        a, j, first = at
+        for i in range(out.shape[0]):
+            out[i] += weight * torque[a, j, first + i]
+
+
+@kernel
+def _add_forces(
+    forces: AngleForces | None, terms: CellTerms, at: tuple[int, int, int], out: Floats
+) -> None:
+    if forces is not None:
+        a, j, first = at
+        here = a % forces.x.shape[0]
+        for i in range(out.shape[1]):
+            out[0, i] += terms.inverse_mass * forces.x[here, j, first + i]
+            out[1, i] += terms.inverse_mass * forces.y[here, j, first + i]
+        if out.shape[0] == 3:
+            _add_torque(forces.torque, terms.inverse_inertia, (here, j, first), out[2])
+
+
+@kernel
+def _accelerate(
+    terms: CellTerms,
+    forces: AngleForces | None,
+    at: tuple[int, int, int],
+    angle: float,
+    out: Floats,
+) -> None:
+    """F and F_bar of a run of cells from `at` (angle, y, x) along x on: out (3 or 2, width)."""
+    out[:] = 0.0
+    _add_steady(terms.steady, at[1], at[2], out)
+    if out.shape[0] == 3:
+        _add_turning(terms.turning, terms.amplitude, at[1], at[2], angle, out)
+    _add_forces(forces, terms, at, out)
+
+
+@parallel_kernel
+def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> None:
+    """F_x, F_y and, where it turns, F_bar of all cells: out (3 or 2, na, ny, nx), overwritten."""
+    na, ny = out.shape[1], out.shape[2]
+    for task in numba.prange(na * ny):
+        a, j = task // ny, task % ny
+        _accelerate(terms, forces, (a, j, 0), FULL_TURN * a / na, out[:, a, j])
+
+
+@parallel_kernel
+def _relax(
+    fields: Floats,
+    window: Window,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    decay: tuple[float, float],
+    gain: tuple[float, float],
+) -> None:
+    """Set v to decay v + gain F, for (v, omega) each, in all cells of the window."""
+    planes, extent = window
+    rows = extent[1] - extent[0]
+    for task in numba.prange(planes.size * rows):
+        a, j = planes[task // rows], extent[0] + task % rows
+        first, width = extent[2], extent[3] - extent[2]
+        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
+        out = np.empty((fields.shape[0] - 1, width))
+        _accelerate(terms, forces, (a, j, first), angle, out)
+        begin = first + GHOSTS
+        q = fields[Q, a + GHOSTS, j + GHOSTS, begin : begin + width]
+        for d in range(out.shape[0]):
+            momentum = fields[QVX + d, a + GHOSTS, j + GHOSTS, begin : begin + width]
+            keep, push = (decay[1], gain[1]) if d == 2 else (decay[0], gain[0])
+            for i in range(width):
+                momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
+
+
+def kick_exactly(
+    fields: Floats, window: Window, terms: CellTerms, forces: AngleForces | None, dt: float
+) -> None:
+    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place."""
+    rates = terms.damping, terms.angular_damping
+    decay = math.exp(-rates[0] * dt), math.exp(-rates[1] * dt)
+    gain = exact_gain(rates[0], dt), exact_gain(rates[1], dt)
+    _relax(fields, window, terms, forces, decay, gain)
+
+
+def exact_gain(rate: float, dt: float) -> float:
+    """The integral of exp(-rate s) over a step."""
+    return -math.expm1(-rate * dt) / rate if rate else dt
+
+
+def step_implicitly(
+    fields: Floats, window: Window, terms: CellTerms, forces: AngleForces | None, dt: float
+) -> None:
+    """One implicit Euler step, v1 = (v + dt F)/(1 + dt Gamma), in place; the paper's treatment."""
+    decay = 1.0 / (1.0 + dt * terms.damping), 1.0 / (1.0 + dt * terms.angular_damping)
+    _relax(fields, window, terms, forces, decay, (dt * decay[0], dt * decay[1]))
+
+
+class Limits(NamedTuple):
+    """What bounds a step.
+
+    Attributes
+    ----------
+    distances : (2 or 3,) float64
+        How far mass may move along x, y and, where it is transported in it, the angle.
+    sound : float
+        Speed of sound, which adds to the velocities.
+    """
+
+    distances: Floats
+    sound: float
+
+
+@kernel
+def _shortest_step(
+    fields: Floats, at: tuple[int, int, int], out: Floats, rates: Floats, limits: Limits
+) -> float:
+    """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance."""
+    a, j, begin = at
+    q = fields[Q, a, j]
+    shortest = np.inf
+    for d in range(limits.distances.size):
+        momentum = fields[QVX + d, a, j]
+        rate, distance, sound = rates[d], limits.distances[d], limits.sound
+        for i in range(out.shape[1]):
+            here = q[begin + i]
+            v = momentum[begin + i] / here if here > 0.0 else 0.0
+            pull = abs(out[d, i] - rate * v) if here > 0.0 else 0.0
+            speed = abs(v) + sound if here > 0.0 else 0.0
+            root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
+            step = 2.0 * distance / root
+            # Not finite counts as a step of length 0, so that the caller notices.
+            shortest = min(shortest, step) if step >= 0.0 else 0.0
+    return shortest
+
+
+@parallel_kernel
+def largest_step(
+    fields: Floats,
+    window: Window,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    limits: Limits,
+) -> float:
+    """The step in which no cell's mass moves farther than it may, its acceleration included.
+
+    Infinite where nothing moves, 0 where a velocity is not finite.
+    """
+    planes, extent = window
+    rows = extent[1] - extent[0]
+    shortest = np.full(planes.size * rows, np.inf)
+    rates = np.array([terms.damping, terms.damping, terms.angular_damping])
+    for task in numba.prange(planes.size * rows):
+        a, j = planes[task // rows], extent[0] + task % rows
+        first = extent[2]
+        out = np.empty((fields.shape[0] - 1, extent[3] - first))
+        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
+        _accelerate(terms, forces, (a, j, first), angle, out)
+        at = a + GHOSTS, j + GHOSTS, first + GHOSTS
+        shortest[task] = _shortest_step(fields, at, out, rates, Limits(*limits))
+    return float(shortest.min()) if shortest.size else np.inf

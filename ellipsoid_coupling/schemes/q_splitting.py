@@ -1,0 +1,175 @@
+"""One step of a q-equation: how transport, interaction and sources follow one another.
+
+A stepper owns the order in which things happen; the fields stand in a `QSystem`. `largest_step`
+counts the acceleration within the step in, so that no step turns out too long afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
+from ellipsoid_coupling.interaction.angle_spectra import Quantity
+from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.contract import Flux
+from ellipsoid_coupling.schemes.q_grid import Q, QGrid, Window, inside, occupied_window
+from ellipsoid_coupling.schemes.q_sources import (
+    Limits,
+    kick_exactly,
+    largest_step,
+    step_implicitly,
+)
+from ellipsoid_coupling.schemes.q_transport import transport
+from ellipsoid_coupling.schemes.sources import CellTerms
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class QSystem:
+    """The fields of a q-equation and everything that moves them.
+
+    Attributes
+    ----------
+    grid : QGrid
+    fields : (4 or 3, na + 4, ny + 4, nx + 4) float64
+        q, q v_x, q v_y and, where something turns, q omega.
+    terms : CellTerms
+    axes : tuple of int
+        The directions of transport: -1 (x), -2 (y) and, unless the angle is not resolved, -3.
+    pressure : float
+        1 for the Maxwellian closure, 0 for the mono-kinetic one.
+    reflecting : bool
+        The boundary in space.
+    interaction : AngleGridInteraction or None
+        Of the quantity that the stepper asks for.
+    walls : AngleForces or None
+        Of the walls on every cell; it does not change.
+    window : Window
+        Outside it, all is vacuum.
+    """
+
+    grid: QGrid
+    fields: Floats
+    terms: CellTerms
+    axes: tuple[int, ...]
+    pressure: float
+    reflecting: bool
+    interaction: AngleGridInteraction | None
+    walls: AngleForces | None
+    window: Window = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.look_for_mass()
+
+    def look_for_mass(self) -> None:
+        """Set the window to what holds mass now."""
+        self.window = occupied_window(self.fields)
+
+    def transport(self, flux: Flux, axis: int, dt: float) -> None:
+        """Move all fields along an axis for dt; the window grows with them."""
+        ratio = dt / self.grid.width(axis)
+        self.window = transport(flux, self.fields, axis, ratio, self.window, self.reflecting)
+
+    def forces(self) -> AngleForces | None:
+        """Interaction and walls at the present density; None without either."""
+        if self.interaction is None:
+            return self.walls
+        forces = self.interaction.forces(inside(self.fields)[Q])
+        if self.walls is not None:
+            for total, wall in zip(forces, self.walls, strict=True):
+                if total is not None and wall is not None:
+                    total += wall
+        return forces
+
+    def limits(self, cfl: float) -> Limits:
+        """For `largest_step`: a part `cfl` of a cell in each direction of transport."""
+        widths = [cfl * self.grid.width(axis) for axis in self.axes]
+        return Limits(np.array(widths), float(np.sqrt(self.pressure)))
+
+
+class QStepper(Protocol):
+    """One way to step a `QSystem`; `memory` is what a restart needs besides the fields."""
+
+    order: ClassVar[int]
+    quantity: ClassVar[Quantity]
+    memory: Floats
+
+    def __init__(self, system: QSystem) -> None:
+        """For this system, whose interaction is of `quantity`."""
+        ...
+
+    def prepare(self) -> None:
+        """Set whatever follows from the fields; they are at the start or have been restored."""
+        ...
+
+    def largest_step(self, cfl: float) -> float:
+        """The step that the CFL number allows now; 0 if the solution is no longer finite."""
+        ...
+
+    def step(self, dt: float, count: int) -> None:
+        """Step number `count` by dt, in place."""
+        ...
+
+
+class _Forced:
+    """What steppers share that keep the forces of the present density."""
+
+    quantity: ClassVar[Quantity] = "forces"
+
+    def __init__(self, system: QSystem) -> None:
+        self._system = system
+        self._forces: AngleForces | None = None
+        self.memory = np.zeros(0)
+
+    def prepare(self) -> None:
+        """The forces of the present density."""
+        self._forces = self._system.forces()
+
+    def largest_step(self, cfl: float) -> float:
+        """From the fastest cell, accelerated by half a step."""
+        system = self._system
+        limits = system.limits(cfl)
+        return largest_step(system.fields, system.window, system.terms, self._forces, limits)
+
+
+class Godunov(_Forced):
+    """Scheme `paper`: FORCE in x, y and angle, implicit Euler for the sources; first order."""
+
+    order: ClassVar[int] = 1
+
+    def step(self, dt: float, count: int) -> None:
+        """Transport, then sources at the new density."""
+        del count
+        system = self._system
+        flux = Force(system.pressure)
+        for axis in system.axes:
+            system.transport(flux, axis, dt)
+        system.look_for_mass()
+        self._forces = system.forces()
+        step_implicitly(system.fields, system.window, system.terms, self._forces, dt)
+
+
+class KickDriftKick(_Forced):
+    """Scheme `accurate`, mono-kinetic: exact kicks of half a step about a ballistic flight.
+
+    Velocities change while mass stands still and the other way round, so that one evaluation of the
+    interaction a step suffices, at the end of the flight. Second order.
+    """
+
+    order: ClassVar[int] = 2
+
+    def step(self, dt: float, count: int) -> None:
+        """Directions change order from step to step (`count`), so that none is preferred."""
+        system = self._system
+        flux = Ballistic()
+        kick_exactly(system.fields, system.window, system.terms, self._forces, 0.5 * dt)
+        for axis in system.axes if count % 2 == 0 else system.axes[::-1]:
+            system.transport(flux, axis, dt)
+        system.look_for_mass()
+        self._forces = system.forces()
+        kick_exactly(system.fields, system.window, system.terms, self._forces, 0.5 * dt)

@@ -1,0 +1,138 @@
+"""The integral on the (angle, y, x) grid against the direct sum over all pairs of cells."""
+
+from __future__ import annotations
+
+import functools
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction import angle_spectra as spectra
+from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
+from ellipsoid_coupling.physics.potential import pair_potential, potential_shape
+
+Array = NDArray[np.float64]
+
+H, STRENGTH, LENGTH = 0.07, 2.0, 0.1
+
+
+def sources(angles: int, seed: int = 1) -> Array:
+    """Half-filled: density at random in a rectangle of 9 x 8 cells."""
+    q = np.zeros((angles, 9, 8))
+    q[:, 1:6, 2:7] = np.random.default_rng(seed).random((angles, 5, 5))
+    return q
+
+
+@functools.cache
+def direct(angles: int, aspect: float) -> Array:
+    """Potential, force x, force y and torque by the sum as it stands, (4, angles, 9, 8)."""
+    q, shape, k = sources(angles), potential_shape(LENGTH, LENGTH / aspect), 2 * np.pi / angles
+    out = np.zeros((4, *q.shape))
+    for a, j, i in np.ndindex(*q.shape):
+        for b, jb, ib in np.argwhere(q):
+            double = 2 * k * a, 2 * k * b
+            turned = np.cos(double[0]), np.sin(double[0]), np.cos(double[1]), np.sin(double[1])
+            values = pair_potential((ib - i) * H, (jb - j) * H, *turned, shape)
+            out[:, a, j, i] += STRENGTH * H**2 * k * q[b, jb, ib] * np.array(values)
+    return np.asarray(out * np.array([1.0, -1.0, -1.0, -1.0])[:, None, None, None])
+
+
+def interaction(
+    angles: int, aspect: float, quantity: spectra.Quantity = "forces"
+) -> AngleGridInteraction:
+    shape = potential_shape(LENGTH, LENGTH / aspect)
+    return AngleGridInteraction((angles, 9, 8), H, shape, STRENGTH, quantity)
+
+
+def on_all_angles(field: Array, angles: int) -> Array:
+    return np.tile(field, (angles // field.shape[0], 1, 1))
+
+
+@pytest.mark.parametrize("aspect", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("angles", [1, 5, 6])
+def test_equals_the_direct_sum(angles: int, aspect: float) -> None:
+    """Even, odd and single angles, circles and long ellipses: to 1e-12 of the largest value."""
+    q, exact = sources(angles), direct(angles, aspect)
+    forces = interaction(angles, aspect).forces(q)
+    potential = interaction(angles, aspect, "potential").potential(q)
+    found = [potential, forces.x, forces.y]
+    if forces.torque is not None:
+        found.append(forces.torque)
+    assert (forces.torque is None) == (aspect == 1.0)
+    held = q.any(axis=0)
+    for field, expected in zip(found, exact, strict=False):
+        miss = np.abs(on_all_angles(field, angles) - expected)[:, held].max()
+        assert miss <= 1e-12 * np.abs(exact).max()
+
+
+def test_even_angles_fold_to_half_and_circles_to_one() -> None:
+    q = sources(6)
+    assert interaction(6, 2.0).forces(q).x.shape == (3, 9, 8)
+    assert interaction(6, 1.0).forces(q).x.shape == (1, 9, 8)
+    turned = interaction(6, 2.0).forces(np.roll(q, 3, axis=0))
+    np.testing.assert_allclose(turned.x, interaction(6, 2.0).forces(q).x, atol=1e-15)
+
+
+def test_momentum_is_kept() -> None:
+    """Action and reaction: the total force vanishes to rounding."""
+    q = sources(6)
+    forces = interaction(6, 2.0).forces(q)
+    for force in (forces.x, forces.y):
+        total = (q * on_all_angles(force, 6)).sum()
+        assert abs(total) <= 1e-13 * np.abs(force).max() * q.sum()
+
+
+def test_angles_and_cells_without_mass_are_left_out() -> None:
+    """One angle with mass in a corner of a large grid: as in the small grid, to rounding."""
+    shape = potential_shape(LENGTH, 0.05)
+    small, large = np.zeros((12, 9, 8)), np.zeros((12, 40, 44))
+    small[1], small[7] = sources(2)
+    large[:, 31:, 36:] = small
+    forces = AngleGridInteraction(small.shape, H, shape, STRENGTH).forces(small)
+    wide = AngleGridInteraction(large.shape, H, shape, STRENGTH).forces(large)
+    for near, far in zip(forces, wide, strict=True):
+        assert near is not None
+        assert far is not None
+        np.testing.assert_allclose(far[:, 31:, 36:], near, atol=1e-12 * np.abs(near).max())
+        assert np.all(far[:, :31] == 0.0)
+        # Only the angle 1 and its mirror image 5 take part.
+        assert np.flatnonzero(far.any(axis=(1, 2))).tolist() == [1, 5]
+
+
+def test_an_empty_grid_has_no_forces() -> None:
+    assert not interaction(6, 2.0).forces(np.zeros((6, 9, 8))).x.any()
+
+
+def test_same_bits_on_one_and_two_threads() -> None:
+    results: list[AngleForces] = []
+    before = numba.get_num_threads()
+    for threads in (1, min(2, before)):
+        numba.set_num_threads(threads)
+        results.append(interaction(6, 2.0).forces(sources(6)))
+    numba.set_num_threads(before)
+    for one, two in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_turning_the_picture_turns_the_forces() -> None:
+    """A quarter turn of 8 angles and 12 x 12 cells is exact on the grid: equal to rounding."""
+    q = np.random.default_rng(3).random((8, 12, 12))
+    turned = np.roll(np.rot90(q, -1, axes=(1, 2)), 2, axis=0).copy()
+    shape = potential_shape(LENGTH, 0.05)
+    both = AngleGridInteraction(q.shape, H, shape, STRENGTH)
+    plain, other = both.forces(q), both.forces(turned)
+    expected = np.roll(np.rot90(plain.x, -1, axes=(1, 2)), 2, axis=0)
+    np.testing.assert_allclose(other.y, expected, atol=1e-12 * np.abs(plain.x).max())
+
+
+def test_bad_grids_and_densities_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=r"shape \(6, 9, 8\)"):
+        interaction(6, 2.0).forces(np.zeros((6, 8, 9)))
+    with pytest.raises(InputError, match="at least one cell"):
+        AngleGridInteraction((0, 9, 8), H, potential_shape(LENGTH, 0.05), 1.0)
+    monkeypatch.setattr(spectra, "MOST_BYTES", 1e3)
+    with pytest.raises(InputError, match="fewer angle cells"):
+        interaction(6, 2.0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
@@ -67,6 +67,21 @@ def parallel_kernel(function: Function) -> Function:
     """Compile `function` with its ``numba.prange`` loops shared among the threads."""
     compiled = numba.njit(cache=True, nogil=True, parallel=True, **KERNEL_OPTIONS)(function)
     return cast(Function, compiled)
+
+
+@contextmanager
+def threads_for(work: int, least: int) -> Iterator[None]:
+    """Inside, parallel kernels share `work` items among threads that get at least `least` each.
+
+    A loop too short to share only waits for the other threads, the longer the busier the machine.
+    The number of threads never changes a bit of a result.
+    """
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(before, work // least)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 @functools.cache

@@ -35,7 +35,7 @@ from ellipsoid_coupling.progress import ProgressReporter
 from ellipsoid_coupling.simulate import scene_flow
 
 # The small version: the same job with fewer realisations and wider cells.
-SMALL = {"flow.cells": 64, "particles.realisations": 24, "numerics.cell": 0.01}
+SMALL = {"flow.cells": 64, "particles.realisations": 16, "numerics.cell": 0.01}
 # The ghost density 1/h^2 taken literally is some 10^4 times the matched one and grows as h shrinks;
 # at this width the run still takes seconds.
 LITERAL_CELL = 0.02

@@ -81,7 +81,6 @@ class HarmonicInteraction:
         return Forces(out[0], out[1], out[2] if components == 3 else None)
 
 
-
 def occupied_box(density: Array) -> tuple[slice, slice] | None:
     """The smallest (rows, columns) outside which `density` (ny, nx) is 0; None if all is empty."""
     occupied = density != 0.0

@@ -70,9 +70,7 @@ def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
 
 
 @kernel
-def move(
-    state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float
-) -> None:
+def move(state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float) -> None:
     """One step of realisation k in the drift `state.force`, noise row `step`, in place."""
     place, velocity = state.place[k], state.velocity[k]
     _kick(velocity, state.force[k], rates, dt)

@@ -154,9 +154,9 @@ class QEquation:
         self.stepper.prepare()
 
     def counts(self) -> dict[str, float]:
-        """Steps, the mass balance and, if mono-kinetic, when characteristics crossed (else NaN)."""
+        """Steps, the mass balance and, if they have, when characteristics crossed."""
         mass = self._mass()
-        crossing = {} if self._crossing is None else {"crossing_time": self._crossing.time}
+        crossing = {} if self._crossing is None else self._crossing.counts()
         return crossing | {
             "steps": float(self._clock[_STEPS]),
             "mass_start": self._mass_start,

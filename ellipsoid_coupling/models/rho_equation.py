@@ -15,9 +15,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
 from ellipsoid_coupling.physics.closure import PRESSURE
+from ellipsoid_coupling.schemes.crossing import CrossingDetector
 from ellipsoid_coupling.schemes.splitting import GodunovSplitting, KickDriftKick, Splitting
 
 
@@ -33,6 +34,19 @@ class RhoEquation(RGridEquation):
             else KickDriftKick()
         )
         super().__init__(name, setup, splitting)
+        self._crossing = CrossingDetector(self.terms.damping)
+
+    def _step(self, dt: float, until: float) -> None:
+        super()._step(dt, until)
+        self._crossing.look(self.fields, self.cell, self.time)
+
+    def state(self) -> Arrays:
+        """Fields, drift, clock and what the crossing detector remembers."""
+        return super().state() | {"crossing": self._crossing.memory}
+
+    def counts(self) -> dict[str, float]:
+        """As every r-grid equation's and, if they have, when characteristics crossed."""
+        return super().counts() | self._crossing.counts()
 
 
 MODEL = RhoEquation

@@ -96,6 +96,10 @@ class CrossingDetector:
         """When characteristics first crossed; NaN if they have not."""
         return float(self.memory[_CROSSED])
 
+    def counts(self) -> dict[str, float]:
+        """The crossing time for a model's `counts`; empty where characteristics have not crossed."""
+        return {"crossing_time": self.time} if np.isfinite(self.time) else {}
+
     def look(self, fields: Floats, cell: float, now: float) -> None:
         """Take notice of the fields at the time `now`; see `largest_compression`."""
         if np.isfinite(self.memory[_CROSSED]):

@@ -106,6 +106,24 @@ def test_circles_feel_no_torque() -> None:
     assert evaluate(0.03, 0.01, 0.3, 1.2, potential_shape(0.05, 0.05))[3] == 0.0
 
 
+def test_aligned_particles_repel_at_long_and_cluster_at_short_waves() -> None:
+    """The transform of U(delta, 0, 0) has a lobe of -6.4 % (grid of 0.002: to 1 %) at 2 pi/k = 0.057.
+
+    A negative lobe makes an even density unstable, which is why solutions show stripes.
+    """
+    n, h = 256, 0.002
+    shape = potential_shape(0.05, 0.025)
+    offsets = (np.arange(n) - n // 2) * h
+    values = np.array([[evaluate(x, y, 0.0, 0.0, shape)[0] for x in offsets] for y in offsets])
+    transform = np.fft.fft2(np.fft.ifftshift(values)).real
+    wave = 2.0 * np.pi * np.fft.fftfreq(n, h)
+    growth = -(wave[:, None] ** 2 + wave[None, :] ** 2) * transform
+    across, along = np.unravel_index(growth.argmax(), growth.shape)
+    assert transform.min() / transform[0, 0] == pytest.approx(-0.0636, rel=0.01)
+    assert along == 0
+    assert 2.0 * np.pi / abs(wave[across]) == pytest.approx(0.057, abs=0.004)
+
+
 def test_exponential_to_rounding() -> None:
     """3e-14 relative over the whole range, 1e-15 where the potential is not tiny."""
     x = -np.concatenate([np.linspace(0, 5, 500), np.linspace(5, 690, 2000)])

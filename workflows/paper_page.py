@@ -76,7 +76,7 @@ class Page:
             f'<tr class="{"yes" if v.holds else "no"}"><td>{html.escape(v.statement)}</td>'
             f"<td>{'reproduces' if v.holds else 'does not reproduce'}</td>"
             f"<td>{html.escape(v.evidence)}</td></tr>"
-            for v in self.verdicts
+            for v in sorted(self.verdicts, key=lambda verdict: verdict.statement)
         )
         runs = "".join(
             "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in run) + "</tr>"

@@ -56,6 +56,26 @@ def test_the_main_job_leaves_all_it_promises(
     assert len(list((folder / "runs").iterdir())) == 8
 
 
+def test_the_papers_page_has_every_figure_and_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ensembles of two, wide cells, one noise strength: the page is whole, whatever its verdicts."""
+    monkeypatch.syspath_prepend(str(WORKFLOWS))
+    paper = workflow("paper")
+    monkeypatch.setattr(sys.modules["paper_stationary"], "AMPLITUDES", (1.0,))
+    few = {"particles.realisations": 2, "particles.number": 60, "numerics.angle_cells": 12}
+    monkeypatch.setattr(paper, "QUICK", few | {"numerics.interaction": "direct"})
+    wide = {"top_bottom": 0.15, "rotation": 0.15, "cavity": 0.05, "cavity_free": 0.05}
+    monkeypatch.setattr(paper, "QUICK_CELLS", wide)
+    folder = paper.main(["--quick", "--out", str(tmp_path)])
+    page = (folder / "index.html").read_text()
+    named = re.findall(r'<img src="([^"]+)"', page)
+    assert len(named) == 1 + 2 + 4 * 4
+    assert all((folder / name).stat().st_size > 5000 for name in named)
+    assert len(re.findall(r'<tr class="(?:yes|no)">', page)) == 10
+    assert "failed:" not in page
+
+
 @NEEDS_OPENFOAM
 @pytest.mark.openfoam
 def test_flow_order_at_a_small_size(tmp_path: Path) -> None:

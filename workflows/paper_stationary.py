@@ -84,6 +84,7 @@ def stationary(page: Page) -> None:
     }
     _figures(page, curves, floors)
     _judge_decay(page, curves["q_maxwellian"], floors["q_maxwellian"])
+    _judge_interaction(page, target)
     _judge_large_noise(page, target)
 
 
@@ -125,6 +126,25 @@ def _judge_decay(page: Page, lines: list[DecayCurve], floor: float) -> None:
             holds,
             f"q_maxwellian: times the distance grew by a tenth {grown}; fitted rates "
             + ", ".join(f"{a:g}: {r:.3f}" for a, r in rate.items()),
+        )
+    )
+
+
+def _judge_interaction(page: Page, target: Floats) -> None:
+    """The second half of statement 1: A = B = 1 with and without interaction."""
+    settings = {"times": [float(t) for t in np.linspace(0.25, 6.0, 24)]}
+    bare = settings | {"interaction": None}
+    alone = simulate(load_scene("stationary", bare | {"times": [1.0]}), "stationary_state")
+    runs = [simulate(load_scene("stationary", s), "q_maxwellian") for s in (settings, bare)]
+    targets = (target, alone.density(BINS)[-1])
+    with_it, without = (distances(run, t) for run, t in zip(runs, targets, strict=True))
+    apart = float(np.abs(with_it - without).max() / with_it[0])
+    page.judge(
+        Verdict(
+            "1b. Stationary: interaction matters little",
+            apart < 0.2,
+            f"the two decay curves of q_maxwellian at A = B = 1 are at most {100 * apart:.0f} % of the "
+            "start's distance apart",
         )
     )
 

@@ -5,6 +5,8 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . workflows/setup.sh
+# One test looks at the paper's page in a browser; without one it checks the files only.
+command -v chromium >/dev/null || install_system chromium || say "chromium is not installed: apt-get install chromium"
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy

@@ -1,6 +1,7 @@
 """Figures as PNG files: one function a kind, all from `Result`s or plain arrays."""
 
 from ellipsoid_coupling.output.figures.angles import draw_angles
+from ellipsoid_coupling.output.figures.convergence import draw_convergence, fitted_slope
 from ellipsoid_coupling.output.figures.decay import DecayCurve, RateCurve, draw_decay, draw_rates
 from ellipsoid_coupling.output.figures.density import (
     DensityRow,
@@ -23,6 +24,7 @@ __all__ = [
     "density_rows",
     "draw_all",
     "draw_angles",
+    "draw_convergence",
     "draw_decay",
     "draw_density",
     "draw_ellipses",
@@ -31,4 +33,5 @@ __all__ = [
     "draw_rates",
     "draw_sketch",
     "draw_stability",
+    "fitted_slope",
 ]

@@ -133,7 +133,7 @@ def _add_noise(axes: Axes, error: float) -> None:
     """A band from the reference's own Monte-Carlo error down: below, an error says nothing."""
     low, high = axes.get_ylim()
     bottom = min(low, 0.5 * error)
-    axes.axhspan(bottom, error, color="0.85", zorder=0, label="Monte-Carlo error of the reference")
+    axes.axhspan(bottom, error, color="0.85", zorder=0, label="Monte-Carlo error of an ensemble")
     axes.set_ylim(bottom, max(high, 1.2 * error))
 
 

@@ -49,7 +49,7 @@ def test_figure_has_all_lines_labels_and_the_band(tmp_path: Path) -> None:
         "rho, mono-kinetic, paper",
         "rho, mono-kinetic, accurate",
         "microscopic, accurate",
-        "Monte-Carlo error of the reference",
+        "Monte-Carlo error of an ensemble",
     ]
     for axes in figure.axes:
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")

@@ -69,6 +69,12 @@ def parallel_kernel(function: Function) -> Function:
     return cast(Function, compiled)
 
 
+def plain(function: Function) -> Function:
+    """The Python function that a kernel was compiled from: its slow twin in tests."""
+    compiled: Any = function
+    return cast(Function, compiled.py_func)
+
+
 @contextmanager
 def threads_for(work: int, least: int) -> Iterator[None]:
     """Inside, parallel kernels share `work` items among threads that get at least `least` each.

@@ -89,6 +89,22 @@ def _push(
             _bounce(box, place, velocity)
 
 
+def _push_all(
+    terms: tuple[Drift, Floats, Floats | None],
+    place: Floats,
+    velocity: Floats,
+    dt: float,
+    steps: int,
+) -> None:
+    """All tasks' points by `steps` steps; terms = (drift, damping, box)."""
+    drift, damping, box = terms
+
+    def push(k: int) -> None:
+        _push(drift, damping, box, place[k], velocity[k], dt, steps)
+
+    for_each(place.shape[0], push)
+
+
 def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
     """Side x side midpoints of the start box and the start angle, (tasks, D, points)."""
     part = (np.arange(side) + 0.5) / side
@@ -131,12 +147,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     for until in scene.times:
         steps = int(np.ceil((until - before) / longest))
         dt = (until - before) / steps
-        for_each(
-            place.shape[0],
-            lambda k, dt=dt, steps=steps: _push(  # type: ignore[misc]
-                drift, damping, box, place[k], velocity[k], dt, steps
-            ),
-        )
+        _push_all((drift, damping, box), place, velocity, dt, steps)
         snapshots.append((place.copy(), velocity.copy()))
         before = until
     return _as_result(scene, snapshots)

@@ -28,7 +28,12 @@ from ellipsoid_coupling.interaction.pairs import Pairs, Sources
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Setup
-from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
+from ellipsoid_coupling.models.parts import (
+    particle_snapshot,
+    scene_drift,
+    scene_limits,
+    scene_rates,
+)
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
@@ -204,17 +209,8 @@ class McKeanVlasov:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""
-        place, velocity = self._state.place, self._state.velocity
-        turns = place.shape[1] == 3
-        still = np.full((1, place[:, 0].size), self._setup.scene.start.angle)
-        return {
-            "x": place[:, 0].reshape(1, -1),
-            "y": place[:, 1].reshape(1, -1),
-            "angle": place[:, 2].reshape(1, -1) if turns else still,
-            "velocity_x": velocity[:, 0].reshape(1, -1),
-            "velocity_y": velocity[:, 1].reshape(1, -1),
-            "angular_velocity": velocity[:, 2].reshape(1, -1) if turns else np.zeros_like(still),
-        }
+        blocks = particle_snapshot(self._state, self._setup.scene.start.angle)
+        return {name: values.reshape(1, -1) for name, values in blocks.items()}
 
     def state(self) -> Arrays:
         """Positions, velocities, drift, clock and the number of noise blocks used."""

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.models.base import Arrays, Setup
-from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
+from ellipsoid_coupling.models.parts import (
+    particle_snapshot,
+    scene_drift,
+    scene_limits,
+    scene_rates,
+)
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import (
@@ -108,17 +113,7 @@ class Microscopic:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (R, N)."""
-        place, velocity = self._state.place, self._state.velocity
-        turns = place.shape[1] == 3
-        still = np.full(place[:, 0].shape, self._setup.scene.start.angle)
-        return {
-            "x": place[:, 0].copy(),
-            "y": place[:, 1].copy(),
-            "angle": place[:, 2].copy() if turns else still,
-            "velocity_x": velocity[:, 0].copy(),
-            "velocity_y": velocity[:, 1].copy(),
-            "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
-        }
+        return particle_snapshot(self._state, self._setup.scene.start.angle)
 
     def state(self) -> Arrays:
         """Positions, velocities, drift, clocks and the number of noise blocks used."""

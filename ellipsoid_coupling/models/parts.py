@@ -9,11 +9,11 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs import Pairs, Sources, cell_grid, sort_by_cell
-from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.grid import Grid
-from ellipsoid_coupling.schemes.particles.state import Limits, Rates
+from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.schemes.sources import CellTerms
 
 Floats = NDArray[np.float64]
@@ -101,6 +101,24 @@ def scene_limits(setup: Setup) -> Limits:
     return Limits(
         numerics.time_step, numerics.tolerance, scale[: 3 if setup.terms.angle else 2], box
     )
+
+
+def particle_snapshot(state: ParticleState, start_angle: float) -> Arrays:
+    """x, y, angle, velocity_x, velocity_y, angular_velocity, each a copy (R, N).
+
+    Where nothing turns, the angle is `start_angle` and the angular velocity 0.
+    """
+    place, velocity = state.place, state.velocity
+    turns = place.shape[1] == 3
+    still = np.full(place[:, 0].shape, start_angle)
+    return {
+        "x": place[:, 0].copy(),
+        "y": place[:, 1].copy(),
+        "angle": place[:, 2].copy() if turns else still,
+        "velocity_x": velocity[:, 0].copy(),
+        "velocity_y": velocity[:, 1].copy(),
+        "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
+    }
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

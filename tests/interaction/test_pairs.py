@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid, sort_by_cell
+from ellipsoid_coupling.kernels import plain
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 
 Floats = NDArray[np.float64]
@@ -33,8 +34,8 @@ def double_loop(place: Floats, axis: Floats, shape: PotentialShape) -> Floats:
         for j in range(place.shape[1]):
             if i != j:
                 delta = place[:2, j] - place[:2, i]
-                _, gx, gy, slope = pair_potential.py_func(  # type: ignore[attr-defined]
-                    delta[0], delta[1], *axis[:, i], *axis[:, j], shape
+                _, gx, gy, slope = plain(pair_potential)(
+                    delta[0], delta[1], axis[0, i], axis[1, i], axis[0, j], axis[1, j], shape
                 )
                 total[:, i] -= [0.2 * gx, 0.2 * gy, 30.0 * slope]
     return total

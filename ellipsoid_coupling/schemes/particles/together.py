@@ -151,6 +151,15 @@ def _tick(state: ParticleState, remaining: float, dt: float, until: float) -> No
         clock[STATUS] = NOT_FINITE
 
 
+def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt: float) -> None:
+    """One leapfrog step of all blocks in the drift `state.force`."""
+
+    def move(first: int, end: int) -> None:
+        _move(state, (first, end), step, rates, limits, dt)
+
+    over_blocks(state.place.shape[0], move)
+
+
 def advance_leapfrog(
     state: ParticleState,
     set_forces: SetForces,
@@ -160,19 +169,14 @@ def advance_leapfrog(
     steps: int,
 ) -> None:
     """`Stepper` of the scheme `paper`."""
-    clock, blocks = state.clock[0], state.place.shape[0]
+    clock = state.clock[0]
     for step in range(steps):
         remaining = until - clock[TIME]
         if remaining <= 0.0 or clock[STATUS] != RUNNING:
             return
         dt = equal_steps(remaining, limits.step)
         clock[OUTSIDE] = set_forces(state.place, state.force)
-        over_blocks(
-            blocks,
-            lambda a, b, step=step, dt=dt: _move(  # type: ignore[misc]
-                state, (a, b), step, rates, limits, dt
-            ),
-        )
+        _move_all(state, step, rates, limits, dt)
         _tick(state, remaining, dt, until)
 
 

@@ -260,7 +260,7 @@ def test_microscopic_spread_is_a_finite_number_effect() -> None:
 @pytest.mark.heavy
 def test_microscopic_approaches_the_limit_like_the_root_of_its_number() -> None:
     # The slope over N = 250 .. 16000; 64 000 samples stand for the limit.
-    numbers = np.array([250, 1000, 4000, 16000])
+    numbers = (250, 1000, 4000, 16000)
     limit = angular_spread("mckean_vlasov", 64_000, 1)
     spread = np.array([angular_spread("microscopic", n, 4) for n in numbers])
     slope = np.polyfit(np.log(numbers), np.log(spread - limit), 1)[0]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
-from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.models import Setup
 from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.schemes.particles.state import bounce
 
 Floats = NDArray[np.float64]
 
@@ -64,14 +64,6 @@ def _runge_kutta(
 
 
 @kernel
-def _bounce(box: Floats, place: Floats, velocity: Floats) -> None:
-    for d in range(2):
-        for i in range(place.shape[1]):
-            place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
-            velocity[d, i] *= sign
-
-
-@kernel
 def _push(
     drift: Drift,
     damping: Floats,
@@ -86,7 +78,7 @@ def _push(
     else:
         for _ in range(steps):
             _runge_kutta(drift, damping, place, velocity, dt, 1)
-            _bounce(box, place, velocity)
+            bounce(box, place, velocity)
 
 
 def _push_all(

@@ -40,6 +40,7 @@ from ellipsoid_coupling.schemes.particles.state import (
     ParticleState,
     Rates,
     all_finite,
+    bounce,
     equal_steps,
     noise_rows,
 )
@@ -215,15 +216,6 @@ def _correct(state: ParticleState, k: int, d: int, linear: LinearStep, trial: Tr
 
 
 @kernel
-def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
-    if box is not None:
-        for d in range(2):
-            for i in range(place.shape[1]):
-                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
-                velocity[d, i] *= sign
-
-
-@kernel
 def predict_step(
     state: ParticleState,
     k: int,
@@ -295,7 +287,7 @@ def accept_step(
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
         _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])
-    _bounce(limits.box, state.place[k], state.velocity[k])
+    bounce(limits.box, state.place[k], state.velocity[k])
 
 
 @kernel

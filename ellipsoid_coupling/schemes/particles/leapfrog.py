@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
-from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.schemes.particles.state import (
     OUTSIDE,
@@ -26,6 +25,7 @@ from ellipsoid_coupling.schemes.particles.state import (
     ParticleState,
     Rates,
     all_finite,
+    bounce,
     equal_steps,
     noise_rows,
 )
@@ -61,22 +61,13 @@ def _drift(place: Floats, velocity: Floats, dt: float) -> None:
 
 
 @kernel
-def _bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
-    if box is not None:
-        for d in range(2):
-            for i in range(place.shape[1]):
-                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
-                velocity[d, i] *= sign
-
-
-@kernel
 def move(state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float) -> None:
     """One step of realisation k in the drift `state.force`, noise row `step`, in place."""
     place, velocity = state.place[k], state.velocity[k]
     _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
     _drift(place, velocity, dt)
-    _bounce(limits.box, place, velocity)
+    bounce(limits.box, place, velocity)
 
 
 @kernel

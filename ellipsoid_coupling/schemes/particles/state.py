@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import kernel
 
 Floats = NDArray[np.float64]
@@ -107,3 +108,13 @@ def all_finite(place: Floats) -> bool:
         for i in range(place.shape[1]):
             total += 0.0 * place[d, i]
     return total == 0.0
+
+
+@kernel
+def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
+    """Fold (D, N) positions back into the box, in place, and turn the velocities round there."""
+    if box is not None:
+        for d in range(2):
+            for i in range(place.shape[1]):
+                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
+                velocity[d, i] *= sign

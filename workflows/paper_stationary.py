@@ -167,6 +167,7 @@ def _judge_large_noise(page: Page, target: Floats) -> None:
         Verdict(
             "8. With large A, B the mono-kinetic closure fails and the Maxwellian one holds",
             away["q_mono_kinetic"] > 5.0 * away["q_maxwellian"],
-            f"L2 distance to the stationary density at A = B = {LARGE:g}, t = 30: {away}",
+            f"L2 distance to the stationary density at A = B = {LARGE:g}, t = 30: "
+            + ", ".join(f"{model} {distance:.3f}" for model, distance in away.items()),
         )
     )

@@ -48,6 +48,10 @@ def _source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
+# Threads that wait for work shall sleep: by default they spin, and on a machine that is busy with
+# something else two threads then take longer than one (measured: 27 s, one thread 16 s, asleep 13 s).
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 _config: Any = numba.config
 _config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
 

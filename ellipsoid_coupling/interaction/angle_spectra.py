@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
-from ellipsoid_coupling.interaction.spectra import LANES, Indices, padded_length
+from ellipsoid_coupling.interaction.spectra import LANES, Indices, Precision, Real, padded_length
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
@@ -37,7 +37,7 @@ class AngleSpectra(NamedTuple):
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, n, n, padded Px//2 + 1) float64
+    blocks : (Py//2 + 1, components, n, n, padded Px//2 + 1) float64 or float32
         Axis order (ky, component, target angle, source angle, kx), without the factor i of the
         force; scaled with the given factor.
     odd, mirrored : (components,) int64
@@ -50,7 +50,7 @@ class AngleSpectra(NamedTuple):
         kx of the last axis.
     """
 
-    blocks: Array
+    blocks: Real
     odd: Indices
     mirrored: Indices
     padded: tuple[int, int]
@@ -87,6 +87,7 @@ def angle_spectra(
     shape: PotentialShape,
     scale: float,
     quantity: Quantity,
+    precision: Precision = np.float64,
 ) -> AngleSpectra:
     """The spectra of `scale` times the potential's gradient, or the potential.
 
@@ -99,6 +100,8 @@ def angle_spectra(
         Factor on everything; -eps0 h^2 k makes forces.
     quantity : "forces" or "potential"
         d/dx, d/dy and - unless circles - d/dtheta; or U.
+    precision : np.float32 or np.float64
+        What the blocks are kept in; they are computed in double precision.
 
     Raises
     ------
@@ -116,9 +119,9 @@ def angle_spectra(
     order = np.concatenate([kx[0::4], kx[2::4], kx[1::2]])
     columns = -(-kx.size // LANES) * LANES
     size = padded[0] // 2 + 1, len(components), n, n, columns
-    _check_memory(size, grid_shape)
+    _check_memory(size, grid_shape, precision)
     double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
-    blocks = np.zeros(size)
+    blocks: Real = np.zeros(size, precision)
     for c, component in enumerate(components):
         samples = np.zeros((cells + 1, n, n, 2 * cells + 1))
         turned = np.cos(double), np.sin(double)
@@ -128,8 +131,10 @@ def angle_spectra(
     return AngleSpectra(blocks, odd, mirrored, padded, cells, order)
 
 
-def _check_memory(size: tuple[int, ...], grid_shape: tuple[int, int, int]) -> None:
-    needed = 8.0 * float(np.prod(size, dtype=np.float64))
+def _check_memory(
+    size: tuple[int, ...], grid_shape: tuple[int, int, int], precision: Precision
+) -> None:
+    needed = np.dtype(precision).itemsize * float(np.prod(size, dtype=np.float64))
     if needed > MOST_BYTES:
         raise InputError(
             "interaction on the (angle, y, x) grid",

@@ -20,6 +20,7 @@ from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fiel
 from ellipsoid_coupling.interaction.spectra import (
     COMPONENT_PARITY,
     LANES,
+    LEAST_SINGLE_TOLERANCE,
     Indices,
     Real,
     Spectra,
@@ -30,9 +31,6 @@ from ellipsoid_coupling.interaction.spectra import (
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 
 Complex = NDArray[np.complexfloating]
-
-# Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
-LEAST_SINGLE_TOLERANCE = 1e-4
 
 
 class HarmonicInteraction:

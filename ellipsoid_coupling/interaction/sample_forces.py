@@ -28,7 +28,7 @@ import numpy as np
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.angular import angular_series
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.harmonics import LEAST_SINGLE_TOLERANCE, convolve
+from ellipsoid_coupling.interaction.harmonics import convolve
 from ellipsoid_coupling.interaction.sample_splines import (
     PARTS,
     STENCIL,
@@ -39,7 +39,12 @@ from ellipsoid_coupling.interaction.sample_splines import (
     node_numbers,
     sort_by_row,
 )
-from ellipsoid_coupling.interaction.spectra import Indices, Spectra, transform
+from ellipsoid_coupling.interaction.spectra import (
+    LEAST_SINGLE_TOLERANCE,
+    Indices,
+    Spectra,
+    transform,
+)
 from ellipsoid_coupling.physics.potential import PotentialShape
 
 Interval = tuple[float, float]

@@ -32,6 +32,9 @@ LANES = 32
 # Coarsest first: the grid of frequencies can be thinned by these factors.
 STRIDES = (4, 2, 1)
 
+# Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
+LEAST_SINGLE_TOLERANCE = 1e-4
+
 # Parity under y -> -y of the force's x and y component and of the torque.
 COMPONENT_PARITY = (1, -1, -1)
 

@@ -98,7 +98,7 @@ class QEquation:
             remaining = until - self.time
             if remaining <= 0.0:
                 return
-            allowed = self.stepper.largest_step(self._setup.scene.numerics.cfl)
+            allowed = self.stepper.largest_step
             if allowed == 0.0:
                 raise self._failure(NOT_FINITE)
             if not allowed > _SMALLEST_STEP * until:
@@ -185,7 +185,9 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     interaction = None
     if scene.interaction is not None:
         strength = scene.interaction.strength
-        interaction = AngleGridInteraction(grid.shape, grid.plane.cell, shape, strength, quantity)
+        interaction = AngleGridInteraction(
+            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, quantity)
+        )
     return QSystem(
         grid=grid,
         fields=fields,
@@ -193,9 +195,17 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
         axes=(-1, -2, -3) if turns else (-1, -2),
         pressure=pressure,
         reflecting=terms.reflection,
+        cfl=scene.numerics.cfl,
         interaction=interaction,
         walls=_wall_forces(scene, grid, shape),
     )
+
+
+def _tolerance(scene: Scene, quantity: Quantity) -> float:
+    """What the interaction may be off by; equilibria that stay to rounding need all digits."""
+    numerics = scene.numerics
+    exact = numerics.interaction == "direct" or quantity == "potential"
+    return 0.0 if exact else numerics.harmonics_tolerance
 
 
 def _scene_q_grid(scene: Scene) -> QGrid:

@@ -35,7 +35,7 @@ from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Q, Window, inside
+from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
 from ellipsoid_coupling.schemes.q_sources import accelerations, exact_gain, largest_step
 from ellipsoid_coupling.schemes.q_splitting import QSystem
 
@@ -65,11 +65,12 @@ class BalancedHeun:
         if not self.memory.any():
             self._note_pull(self._potential(0.0))
 
-    def largest_step(self, cfl: float) -> float:
+    @property
+    def largest_step(self) -> float:
         """From the fastest signal, the forces within the step included."""
         system = self._system
-        limits = system.limits(cfl)._replace(sound=SIGNAL)
-        shortest = largest_step(system.fields, system.window, system.terms, system.walls, limits)
+        limits = system.limits()._replace(sound=SIGNAL)
+        shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
         for distance, pull in zip(limits.distances, self.memory, strict=False):
             # dt (distance/shortest + pull dt/2) = distance, which no cell exceeds.
             speed = distance / shortest if shortest > 0.0 else np.inf
@@ -98,7 +99,7 @@ class BalancedHeun:
             high = inside(np.roll(momentum, -1, axis))
             low = inside(np.roll(momentum, 1, axis))
             density = density - 0.5 * ahead / system.grid.width(axis) * (high - low)
-        return system.interaction.potential(density)
+        return np.asarray(system.interaction.potential(density), np.float64)
 
     def _fill(self, axis: int) -> None:
         system = self._system
@@ -153,12 +154,12 @@ class BalancedHeun:
         self._fill(axis)
         self._before[:] = system.fields
         system.transport(flux, axis, dt)
-        _push(system.fields, self._before, system.window, field, ratio, weights)
+        _push(system.fields, self._before, system.extents, field, ratio, weights)
         self._fill(axis)
         self._middle[:] = system.fields
         system.transport(flux, axis, dt)
         states = system.fields, self._before, self._middle
-        _combine(*states, system.window, field, ratio, weights)
+        _combine(*states, system.extents, field, ratio, weights)
 
 
 def _steady_forces(system: QSystem) -> Floats:
@@ -224,23 +225,22 @@ def _stride(fields: Floats, axis: int) -> int:
 def _push(
     fields: Floats,
     before: Floats,
-    window: Window,
+    extents: Extents,
     field: _Field,
     ratio: float,
     weights: tuple[float, float, float],
 ) -> None:
     """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m."""
-    planes, extent = window
     tilt, rest, axis = field
     decay, first, _ = weights
-    rows, width = extent[1] - extent[0], extent[3] - extent[2]
+    rows = extents.shape[1]
     stride, normal = _stride(fields, axis), QVX - 1 - axis
     old = before.reshape(fields.shape[0], -1)
     new = fields.reshape(fields.shape[0], -1)
-    for task in numba.prange(planes.size * rows):
-        a, j = planes[task // rows] + GHOSTS, extent[0] + task % rows + GHOSTS
-        begin = (a * fields.shape[2] + j) * fields.shape[3] + extent[2] + GHOSTS
-        for p in range(begin, begin + width):
+    for task in numba.prange(extents.shape[0] * rows):
+        a, j = task // rows, task % rows
+        row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
+        for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
             source = ratio * _source(old[Q], p, stride, tilt, rest)
             m = old[normal, p]
             new[normal, p] = decay * m + first * (new[normal, p] - m + source)
@@ -251,24 +251,23 @@ def _combine(
     fields: Floats,
     before: Floats,
     middle: Floats,
-    window: Window,
+    extents: Extents,
     field: _Field,
     ratio: float,
     weights: tuple[float, float, float],
 ) -> None:
     """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0)."""
-    planes, extent = window
     tilt, rest, axis = field
     decay, first, second = weights
-    rows, width = extent[1] - extent[0], extent[3] - extent[2]
+    rows = extents.shape[1]
     stride, normal = _stride(fields, axis), QVX - 1 - axis
     old = before.reshape(fields.shape[0], -1)
     half = middle.reshape(fields.shape[0], -1)
     new = fields.reshape(fields.shape[0], -1)
-    for task in numba.prange(planes.size * rows):
-        a, j = planes[task // rows] + GHOSTS, extent[0] + task % rows + GHOSTS
-        begin = (a * fields.shape[2] + j) * fields.shape[3] + extent[2] + GHOSTS
-        for p in range(begin, begin + width):
+    for task in numba.prange(extents.shape[0] * rows):
+        a, j = task // rows, task % rows
+        row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
+        for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
             m1 = half[normal, p]
             change = new[normal, p] - m1 + ratio * _source(half[Q], p, stride, tilt, rest)
             change -= (m1 - decay * old[normal, p]) / first

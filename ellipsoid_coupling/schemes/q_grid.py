@@ -1,4 +1,4 @@
-"""The (angle, y, x) grid of the q-equations, and the window of it that holds mass.
+"""The (angle, y, x) grid of the q-equations, and which part of every row holds mass.
 
     fields (4, na + 4, ny + 4, nx + 4), axis order (component, angle, y, x), two ghost layers a side
 
@@ -6,14 +6,17 @@
 
         g g | 0   1   2  ...  na - 1 | g g        pi/2 is a centre if 4 divides na
 
-Cells outside the window are vacuum and stay so: nothing is computed there. A sweep moves mass by
-one cell at most, so the window grows by one cell along an axis before that axis is swept.
+Cells outside the extents are vacuum and stay so: nothing is computed there. A sweep moves mass by
+one cell at most, so the extents grow by one cell along an axis before that axis is swept:
+
+    row j + 1   . . . . # # # . . .        . . . # # # # . . .
+    row j       . . # # # # . . . .   y    . . # # # # # # . .
+    row j - 1   . . . . . . # # . .        . . # # # # # # . .
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -25,6 +28,8 @@ from ellipsoid_coupling.schemes.grid import GHOSTS, Grid
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+# Row by row, see `occupied_extents`.
+Extents = NDArray[np.int64]
 
 FULL_TURN = 2.0 * np.pi
 
@@ -104,71 +109,46 @@ def start_angles(grid: QGrid, angle: float) -> Floats:
     return parts
 
 
-class Window(NamedTuple):
-    """The cells that may hold mass: all of `planes` times a rectangle, in interior indices.
-
-    Attributes
-    ----------
-    planes : (m,) int64
-        Angle cells, ascending.
-    extent : (4,) int64
-        y_first, y_end, x_first, x_end; the ends are not included.
-    """
-
-    planes: Indices
-    extent: Indices
-
-
 @parallel_kernel
-def _extents(fields: Floats, out: Indices) -> None:
-    """y_first, y_end, x_first, x_end of the mass of every plane: out (na, 4)."""
-    for a in numba.prange(out.shape[0]):
-        plane = fields[Q, a + GHOSTS]
-        for j in range(plane.shape[0] - 2 * GHOSTS):
-            first, end = plane.shape[1], 0
-            for i in range(plane.shape[1] - 2 * GHOSTS):
-                if plane[j + GHOSTS, i + GHOSTS] > 0.0:
-                    first = min(first, i)
-                    end = i + 1
-            if end > 0:
-                out[a, 0] = min(out[a, 0], j)
-                out[a, 1] = j + 1
-                out[a, 2] = min(out[a, 2], first)
-                out[a, 3] = max(out[a, 3], end)
+def _find_extents(fields: Floats, out: Extents) -> None:
+    rows = out.shape[1]
+    for task in numba.prange(out.shape[0] * rows):
+        a, j = task // rows, task % rows
+        row = fields[Q, a + GHOSTS, j + GHOSTS]
+        first, end = row.size, 0
+        for i in range(row.size - 2 * GHOSTS):
+            # Written so that NaN counts as mass: it shall be found, not be left out.
+            if not row[i + GHOSTS] <= 0.0:
+                first = min(first, i)
+                end = i + 1
+        out[a, j, 0], out[a, j, 1] = first, end
 
 
-def occupied_window(fields: Floats) -> Window:
-    """The smallest window that holds all mass of padded fields; empty for an empty grid."""
-    extents = np.zeros((fields.shape[1] - 2 * GHOSTS, 4), dtype=np.int64)
-    extents[:, 0::2] = np.iinfo(np.int64).max
-    _extents(fields, extents)
-    planes = np.flatnonzero(extents[:, 1] > 0)
-    if planes.size == 0:
-        return Window(planes, np.zeros(4, dtype=np.int64))
-    held = extents[planes]
-    low, high = held.min(axis=0), held.max(axis=0)
-    return Window(planes, np.array([low[0], high[1], low[2], high[3]]))
+def occupied_extents(fields: Floats) -> Extents:
+    """First and end column of the mass of every row of padded fields, (na, ny, 2).
+
+    The end is not included; a row of vacuum has the end 0.
+    """
+    extents = np.empty((fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS, 2), np.int64)
+    _find_extents(fields, extents)
+    return extents
 
 
-def grown(window: Window, shape: tuple[int, int, int], axis: int) -> Window:
-    """The window with one more cell at both ends of an axis; the angle is periodic, x and y end."""
-    planes, extent = window
-    if axis == -3:
-        held = np.zeros(shape[0], dtype=bool)
-        held[planes] = True
-        return Window(np.flatnonzero(held | np.roll(held, 1) | np.roll(held, -1)), extent)
-    first = 2 if axis == -1 else 0
-    wider = extent.copy()
-    wider[first] = max(extent[first] - 1, 0)
-    wider[first + 1] = min(extent[first + 1] + 1, shape[axis])
-    return Window(planes, wider)
-
-
-def runs(planes: Indices) -> list[tuple[int, int]]:
-    """First plane and number of planes of every run of neighbours, without wrapping round."""
-    if planes.size == 0:
-        return []
-    ends = np.flatnonzero(np.diff(planes) > 1)
-    first = planes[np.concatenate([[0], ends + 1])]
-    last = planes[np.concatenate([ends, [planes.size - 1]])]
-    return [(int(a), int(b - a + 1)) for a, b in zip(first, last, strict=True)]
+def grown(extents: Extents, columns: int, axis: int) -> Extents:
+    """One more cell at both ends along an axis; the angle is periodic, x (`columns` cells) and y end."""
+    wider = extents.copy()
+    if axis == -1:
+        filled = extents[..., 1] > 0
+        wider[..., 0] = np.maximum(extents[..., 0] - 1, 0)
+        wider[..., 1] = np.where(filled, np.minimum(extents[..., 1] + 1, columns), 0)
+        return wider
+    for shift in (1, -1):
+        if axis == -3:
+            whole, beside = wider, np.roll(extents, shift, 0)
+        elif shift == 1:
+            whole, beside = wider[:, 1:], extents[:, :-1]
+        else:
+            whole, beside = wider[:, :-1], extents[:, 1:]
+        np.minimum(whole[..., 0], beside[..., 0], out=whole[..., 0])
+        np.maximum(whole[..., 1], beside[..., 1], out=whole[..., 1])
+    return wider

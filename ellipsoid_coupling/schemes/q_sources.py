@@ -6,7 +6,7 @@ At a fixed place and angle the force and torque do not depend on the velocities,
     omega' = F_bar - Gamma_bar omega,       F_bar = gamma_bar g - dV2/dtheta + torque/I_c
 
 are linear: the exact solution and an implicit Euler step are both a multiplication and an addition.
-Fields are (4 or 3, na + 4, ny + 4, nx + 4); only the cells of a window are visited.
+Fields are (4 or 3, na + 4, ny + 4, nx + 4); only the part of a row that holds mass is visited.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Q, Window
+from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
 from ellipsoid_coupling.schemes.sources import CellTerms
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ def _add_turning(
 
 @kernel
 def _add_torque(
-    torque: Floats | None, weight: float, at: tuple[int, int, int], out: Floats
+    torque: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
 ) -> None:
     if torque is not None:
         a, j, first = at
@@ -101,56 +101,6 @@ def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> 
         _accelerate(terms, forces, (a, j, 0), FULL_TURN * a / na, out[:, a, j])
 
 
-@parallel_kernel
-def _relax(
-    fields: Floats,
-    window: Window,
-    terms: CellTerms,
-    forces: AngleForces | None,
-    decay: tuple[float, float],
-    gain: tuple[float, float],
-) -> None:
-    """Set v to decay v + gain F, for (v, omega) each, in all cells of the window."""
-    planes, extent = window
-    rows = extent[1] - extent[0]
-    for task in numba.prange(planes.size * rows):
-        a, j = planes[task // rows], extent[0] + task % rows
-        first, width = extent[2], extent[3] - extent[2]
-        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
-        out = np.empty((fields.shape[0] - 1, width))
-        _accelerate(terms, forces, (a, j, first), angle, out)
-        begin = first + GHOSTS
-        q = fields[Q, a + GHOSTS, j + GHOSTS, begin : begin + width]
-        for d in range(out.shape[0]):
-            momentum = fields[QVX + d, a + GHOSTS, j + GHOSTS, begin : begin + width]
-            keep, push = (decay[1], gain[1]) if d == 2 else (decay[0], gain[0])
-            for i in range(width):
-                momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
-
-
-def kick_exactly(
-    fields: Floats, window: Window, terms: CellTerms, forces: AngleForces | None, dt: float
-) -> None:
-    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place."""
-    rates = terms.damping, terms.angular_damping
-    decay = math.exp(-rates[0] * dt), math.exp(-rates[1] * dt)
-    gain = exact_gain(rates[0], dt), exact_gain(rates[1], dt)
-    _relax(fields, window, terms, forces, decay, gain)
-
-
-def exact_gain(rate: float, dt: float) -> float:
-    """The integral of exp(-rate s) over a step."""
-    return -math.expm1(-rate * dt) / rate if rate else dt
-
-
-def step_implicitly(
-    fields: Floats, window: Window, terms: CellTerms, forces: AngleForces | None, dt: float
-) -> None:
-    """One implicit Euler step, v1 = (v + dt F)/(1 + dt Gamma), in place; the paper's treatment."""
-    decay = 1.0 / (1.0 + dt * terms.damping), 1.0 / (1.0 + dt * terms.angular_damping)
-    _relax(fields, window, terms, forces, decay, (dt * decay[0], dt * decay[1]))
-
-
 class Limits(NamedTuple):
     """What bounds a step.
 
@@ -168,20 +118,28 @@ class Limits(NamedTuple):
 
 @kernel
 def _shortest_step(
-    fields: Floats, at: tuple[int, int, int], out: Floats, rates: Floats, limits: Limits
+    fields: Floats,
+    at: tuple[int, int, int],
+    out: Floats,
+    rates: Floats,
+    distances: Floats | None,
+    sound: float,
 ) -> float:
     """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance."""
+    shortest = np.inf
+    if distances is None:
+        return shortest
     a, j, begin = at
     q = fields[Q, a, j]
-    shortest = np.inf
-    for d in range(limits.distances.size):
+    for d in range(distances.size):
         momentum = fields[QVX + d, a, j]
-        rate, distance, sound = rates[d], limits.distances[d], limits.sound
+        rate, distance = rates[d], distances[d]
         for i in range(out.shape[1]):
             here = q[begin + i]
-            v = momentum[begin + i] / here if here > 0.0 else 0.0
-            pull = abs(out[d, i] - rate * v) if here > 0.0 else 0.0
-            speed = abs(v) + sound if here > 0.0 else 0.0
+            # Vacuum is what is not more than 0, so that NaN is none and shows.
+            v = 0.0 if here <= 0.0 else momentum[begin + i] / here
+            pull = 0.0 if here <= 0.0 else abs(out[d, i] - rate * v)
+            speed = 0.0 if here <= 0.0 else abs(v) + sound
             root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
             step = 2.0 * distance / root
             # Not finite counts as a step of length 0, so that the caller notices.
@@ -190,9 +148,96 @@ def _shortest_step(
 
 
 @parallel_kernel
+def _relax(
+    fields: Floats,
+    extents: Extents,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    change: tuple[float, float, float, float],
+    distances: Floats | None,
+    sound: float,
+) -> float:
+    """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
+
+    change : decay and gain of v, then of omega. Returns the step that the new velocities allow.
+    """
+    rows = extents.shape[1]
+    shortest = np.full(extents.shape[0] * rows, np.inf)
+    rates = np.array([terms.damping, terms.damping, terms.angular_damping])
+    for task in numba.prange(shortest.size):
+        a, j = task // rows, task % rows
+        first = extents[a, j, 0]
+        width = max(extents[a, j, 1] - first, 0)
+        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
+        out = np.empty((fields.shape[0] - 1, width))
+        _accelerate(terms, forces, (a, j, first), angle, out)
+        begin = first + GHOSTS
+        q = fields[Q, a + GHOSTS, j + GHOSTS, begin : begin + width]
+        for d in range(out.shape[0]):
+            momentum = fields[QVX + d, a + GHOSTS, j + GHOSTS, begin : begin + width]
+            keep, push = (change[2], change[3]) if d == 2 else (change[0], change[1])
+            for i in range(width):
+                momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
+        at = a + GHOSTS, j + GHOSTS, begin
+        shortest[task] = _shortest_step(fields, at, out, rates, distances, sound)
+    return float(shortest.min())
+
+
+def _relaxed(
+    fields: Floats,
+    extents: Extents,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    change: tuple[float, float, float, float],
+    limits: Limits | None,
+) -> float:
+    distances, sound = (None, 0.0) if limits is None else limits
+    return _relax(fields, extents, terms, forces, change, distances, sound)
+
+
+def kick_exactly(
+    fields: Floats,
+    extents: Extents,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    dt: float,
+    limits: Limits | None = None,
+) -> float:
+    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place.
+
+    With `limits`, returns `largest_step` of the new velocities, found on the way.
+    """
+    linear, angular = terms.damping, terms.angular_damping
+    decay = math.exp(-linear * dt), math.exp(-angular * dt)
+    change = decay[0], exact_gain(linear, dt), decay[1], exact_gain(angular, dt)
+    return _relaxed(fields, extents, terms, forces, change, limits)
+
+
+def exact_gain(rate: float, dt: float) -> float:
+    """The integral of exp(-rate s) over a step."""
+    return -math.expm1(-rate * dt) / rate if rate else dt
+
+
+def step_implicitly(
+    fields: Floats,
+    extents: Extents,
+    terms: CellTerms,
+    forces: AngleForces | None,
+    dt: float,
+    limits: Limits | None = None,
+) -> float:
+    """One implicit Euler step, v1 = (v + dt F)/(1 + dt Gamma), in place; the paper's treatment.
+
+    Returns what `kick_exactly` does.
+    """
+    decay = 1.0 / (1.0 + dt * terms.damping), 1.0 / (1.0 + dt * terms.angular_damping)
+    change = decay[0], dt * decay[0], decay[1], dt * decay[1]
+    return _relaxed(fields, extents, terms, forces, change, limits)
+
+
 def largest_step(
     fields: Floats,
-    window: Window,
+    extents: Extents,
     terms: CellTerms,
     forces: AngleForces | None,
     limits: Limits,
@@ -201,16 +246,4 @@ def largest_step(
 
     Infinite where nothing moves, 0 where a velocity is not finite.
     """
-    planes, extent = window
-    rows = extent[1] - extent[0]
-    shortest = np.full(planes.size * rows, np.inf)
-    rates = np.array([terms.damping, terms.damping, terms.angular_damping])
-    for task in numba.prange(planes.size * rows):
-        a, j = planes[task // rows], extent[0] + task % rows
-        first = extent[2]
-        out = np.empty((fields.shape[0] - 1, extent[3] - first))
-        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
-        _accelerate(terms, forces, (a, j, first), angle, out)
-        at = a + GHOSTS, j + GHOSTS, first + GHOSTS
-        shortest[task] = _shortest_step(fields, at, out, rates, Limits(*limits))
-    return float(shortest.min()) if shortest.size else np.inf
+    return _relaxed(fields, extents, terms, forces, (1.0, 0.0, 1.0, 0.0), limits)

@@ -16,7 +16,7 @@ from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInte
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
-from ellipsoid_coupling.schemes.q_grid import Q, QGrid, Window, inside, occupied_window
+from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
 from ellipsoid_coupling.schemes.q_sources import (
     Limits,
     kick_exactly,
@@ -45,12 +45,14 @@ class QSystem:
         1 for the Maxwellian closure, 0 for the mono-kinetic one.
     reflecting : bool
         The boundary in space.
+    cfl : float
+        The part of a cell that mass may cross in a step.
     interaction : AngleGridInteraction or None
         Of the quantity that the stepper asks for.
     walls : AngleForces or None
         Of the walls on every cell; it does not change.
-    window : Window
-        Outside it, all is vacuum.
+    extents : (na, ny, 2) int64
+        Outside them, all is vacuum.
     """
 
     grid: QGrid
@@ -59,21 +61,22 @@ class QSystem:
     axes: tuple[int, ...]
     pressure: float
     reflecting: bool
+    cfl: float
     interaction: AngleGridInteraction | None
     walls: AngleForces | None
-    window: Window = field(init=False)
+    extents: Extents = field(init=False)
 
     def __post_init__(self) -> None:
         self.look_for_mass()
 
     def look_for_mass(self) -> None:
-        """Set the window to what holds mass now."""
-        self.window = occupied_window(self.fields)
+        """Set the extents to what holds mass now."""
+        self.extents = occupied_extents(self.fields)
 
     def transport(self, flux: Flux, axis: int, dt: float) -> None:
-        """Move all fields along an axis for dt; the window grows with them."""
+        """Move all fields along an axis for dt; the extents grow with them."""
         ratio = dt / self.grid.width(axis)
-        self.window = transport(flux, self.fields, axis, ratio, self.window, self.reflecting)
+        self.extents = transport(flux, self.fields, axis, ratio, self.extents, self.reflecting)
 
     def forces(self) -> AngleForces | None:
         """Interaction and walls at the present density; None without either."""
@@ -86,9 +89,9 @@ class QSystem:
                     total += wall
         return forces
 
-    def limits(self, cfl: float) -> Limits:
+    def limits(self) -> Limits:
         """For `largest_step`: a part `cfl` of a cell in each direction of transport."""
-        widths = [cfl * self.grid.width(axis) for axis in self.axes]
+        widths = [self.cfl * self.grid.width(axis) for axis in self.axes]
         return Limits(np.array(widths), float(np.sqrt(self.pressure)))
 
 
@@ -107,7 +110,8 @@ class QStepper(Protocol):
         """Set whatever follows from the fields; they are at the start or have been restored."""
         ...
 
-    def largest_step(self, cfl: float) -> float:
+    @property
+    def largest_step(self) -> float:
         """The step that the CFL number allows now; 0 if the solution is no longer finite."""
         ...
 
@@ -124,17 +128,21 @@ class _Forced:
     def __init__(self, system: QSystem) -> None:
         self._system = system
         self._forces: AngleForces | None = None
+        self._allowed = 0.0
         self.memory = np.zeros(0)
 
     def prepare(self) -> None:
-        """The forces of the present density."""
-        self._forces = self._system.forces()
-
-    def largest_step(self, cfl: float) -> float:
-        """From the fastest cell, accelerated by half a step."""
+        """The forces of the present density, and the step that they allow."""
         system = self._system
-        limits = system.limits(cfl)
-        return largest_step(system.fields, system.window, system.terms, self._forces, limits)
+        self._forces = system.forces()
+        self._allowed = largest_step(
+            system.fields, system.extents, system.terms, self._forces, system.limits()
+        )
+
+    @property
+    def largest_step(self) -> float:
+        """From the fastest cell, accelerated by half a step."""
+        return self._allowed
 
 
 class Godunov(_Forced):
@@ -151,7 +159,8 @@ class Godunov(_Forced):
             system.transport(flux, axis, dt)
         system.look_for_mass()
         self._forces = system.forces()
-        step_implicitly(system.fields, system.window, system.terms, self._forces, dt)
+        here = system.fields, system.extents, system.terms, self._forces
+        self._allowed = step_implicitly(*here, dt, system.limits())
 
 
 class KickDriftKick(_Forced):
@@ -167,9 +176,10 @@ class KickDriftKick(_Forced):
         """Directions change order from step to step (`count`), so that none is preferred."""
         system = self._system
         flux = Ballistic()
-        kick_exactly(system.fields, system.window, system.terms, self._forces, 0.5 * dt)
+        kick_exactly(system.fields, system.extents, system.terms, self._forces, 0.5 * dt)
         for axis in system.axes if count % 2 == 0 else system.axes[::-1]:
             system.transport(flux, axis, dt)
         system.look_for_mass()
         self._forces = system.forces()
-        kick_exactly(system.fields, system.window, system.terms, self._forces, 0.5 * dt)
+        here = system.fields, system.extents, system.terms, self._forces
+        self._allowed = kick_exactly(*here, 0.5 * dt, system.limits())

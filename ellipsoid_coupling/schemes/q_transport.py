@@ -1,23 +1,24 @@
-"""Transport of the q-equations' fields in one direction, confined to the window that holds mass."""
+"""Transport of the q-equations' fields in one direction, confined to the rows' parts that hold mass."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.q_grid import NORMAL, Indices, Window, grown, runs
-from ellipsoid_coupling.schemes.sweeps import sweep_columns, sweep_rows
+from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, grown
+from ellipsoid_coupling.schemes.sweeps import BUNDLE, Runs, sweep_runs
 
 Floats = NDArray[np.float64]
 
 
 def transport(
-    flux: Flux, fields: Floats, axis: int, ratio: float, window: Window, reflecting: bool
-) -> Window:
-    """One step of `flux` along one axis, in place; returns the window that holds the mass now.
+    flux: Flux, fields: Floats, axis: int, ratio: float, extents: Extents, reflecting: bool
+) -> Extents:
+    """One step of `flux` along one axis, in place; returns the extents that hold the mass now.
 
     Parameters
     ----------
@@ -29,42 +30,65 @@ def transport(
         -1 for x, -2 for y, -3 for the angle, which is periodic.
     ratio : float
         dt / cell width along the axis.
-    window : Window
-        Holds all mass before the step.
+    extents : (na, ny, 2) int64
+        Hold all mass before the step.
     reflecting : bool
         The boundary in x and y: reflecting or open.
     """
+    components, *padded = fields.shape
     normal = NORMAL[axis]
     if axis == -3:
         fill_periodic(fields, 1)
     else:
         fill_ghosts(fields, axis + 4, reflecting, normal)
-    na, ny, nx = (n - 2 * GHOSTS for n in fields.shape[1:])
-    window = grown(window, (na, ny, nx), axis)
-    if window.planes.size:
-        _sweep(flux, fields, axis, normal, ratio, window)
-    return window
+    extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
+    row, plane = padded[2], padded[1] * padded[2]
+    stride = {-1: 1, -2: row, -3: plane}[axis]
+    runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
+    if runs.first.size:
+        sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio)
+    return extents
 
 
-def _sweep(
-    flux: Flux, fields: Floats, axis: int, normal: int, ratio: float, window: Window
-) -> None:
-    components, *padded = fields.shape
-    flat = fields.reshape(components, -1)
-    row = padded[2]
-    plane = padded[1] * row
-    y_first, y_end, x_first, x_end = (int(n) for n in window.extent)
-    planes: Indices = (window.planes + GHOSTS) * plane
-    rows: Indices = (np.arange(y_first, y_end) + GHOSTS) * row
-    corner = x_first + GHOSTS
-    if axis == -1:
-        first = (planes[:, None] + rows + corner).ravel()
-        sweep_rows(flux, flat, first, x_end - x_first, normal, ratio)
-    elif axis == -2:
-        first, extent = planes + rows[0] + corner, (x_end - x_first, row)
-        sweep_columns(flux, flat, first, y_end - y_first, extent, normal, ratio)
-    else:
-        # A run that wraps round is two runs: the ghosts between them hold the old values.
-        for begin, count in runs(window.planes):
-            first, extent = (begin + GHOSTS) * plane + rows + corner, (x_end - x_first, plane)
-            sweep_columns(flux, flat, first, count, extent, normal, ratio)
+def row_runs(extents: Extents, row: int, plane: int) -> Runs:
+    """One run along x a row that holds mass; row and plane are the strides of the padded fields."""
+    a, j = np.nonzero(extents[..., 1] > 0)
+    first, end = extents[a, j].T
+    starts = (a + GHOSTS) * plane + (j + GHOSTS) * row + first + GHOSTS
+    return Runs(starts, np.ascontiguousarray(end - first), np.ones(a.size, np.int64))
+
+
+def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
+    """Runs along y or the angle of bundles of columns, each as narrow as the mass in it."""
+    lines = extents if axis == -2 else extents.transpose(1, 0, 2)
+    outer, along = (plane, row) if axis == -2 else (row, plane)
+    bundles = -(-(row - 2 * GHOSTS) // BUNDLE)
+    found = np.empty((3, lines.shape[0] * bundles * (lines.shape[1] // 2 + 1)), np.int64)
+    corner = GHOSTS * (plane + row + 1)
+    # A run that wraps round is two runs: the ghosts between them hold the old values.
+    count = _find_runs(lines, bundles, outer, along, corner, found)
+    return Runs(*np.ascontiguousarray(found[:, :count]))
+
+
+@kernel
+def _find_runs(
+    lines: Extents, bundles: int, outer: int, along: int, corner: int, found: Extents
+) -> int:
+    """Fill first, length and width of `found` (3, most); returns how many runs there are."""
+    runs = 0
+    for line in range(lines.shape[0]):
+        for bundle in range(bundles):
+            low, high = bundle * BUNDLE, (bundle + 1) * BUNDLE
+            n, left, right = 0, high, low
+            for k in range(lines.shape[1] + 1):
+                first, end = high, low
+                if k < lines.shape[1]:
+                    first, end = max(lines[line, k, 0], low), min(lines[line, k, 1], high)
+                if first < end:
+                    n, left, right = n + 1, min(left, first), max(right, end)
+                elif n > 0:
+                    found[0, runs] = corner + line * outer + (k - n) * along + left
+                    found[1, runs], found[2, runs] = n, right - left
+                    runs += 1
+                    n, left, right = 0, high, low
+    return runs

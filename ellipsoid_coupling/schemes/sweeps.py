@@ -5,9 +5,13 @@ enough for its rows to stay in cache, marches through the rows:
 
     row p + 1 :  outflow is computed while row p still holds its old values
     row p     :  is then updated from the outflows of rows p - 1, p and p + 1
+
+What is swept is a list of runs, so that only cells that can hold mass are touched.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -19,8 +23,23 @@ from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
 
-_BUNDLE = 64
+# Columns that march together: their rows of fields, outflows and scratch stay in the first cache.
+BUNDLE = 64
 _WORK_ROWS = 6
+# Runs that a thread takes at a time: they differ in length.
+_CHUNK = 16
+
+
+class Runs(NamedTuple):
+    """What one sweep visits, (T,) int64 each, as flat indices of padded fields.
+
+    first : the first cell; length : how many cells it goes along the swept direction; width : how
+    many neighbouring columns march together (1 along x).
+    """
+
+    first: NDArray[np.int64]
+    length: NDArray[np.int64]
+    width: NDArray[np.int64]
 
 
 @kernel
@@ -41,39 +60,17 @@ def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Flo
 
 
 @parallel_kernel
-def sweep_rows(
-    flux: Flux,
-    fields: Floats,
-    first: NDArray[np.int64],
-    n: int,
-    normal: int,
-    ratio: float,
-) -> None:
-    """Transport along the contiguous axis.
-
-    Parameters
-    ----------
-    flux : NamedTuple
-        Chooses the numerical flux.
-    fields : (K, cells) float64
-        Padded fields, flat; ghosts filled. Updated in place.
-    first : (rows,) int64
-        Flat index of each row's first interior cell.
-    n : int
-        Interior cells of a row.
-    normal : int
-        Component of the momentum along the row.
-    ratio : float
-        dt / h.
-    """
+def _sweep_rows(flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: float) -> None:
     components = fields.shape[0]
-    for row in numba.prange(first.size):
+    starts, counts, _ = runs
+    for row in numba.prange(starts.size):
+        first, n = starts[row], counts[row]
         up = np.empty((components, n + 2))
         down = np.empty((components, n + 2))
         work = np.empty((_WORK_ROWS, n + 2))
-        outflow(flux, fields, Span(first[row] - 1, n + 2, 1, normal), ratio, up, down, work)
+        outflow(flux, fields, Span(first - 1, n + 2, 1, normal), ratio, up, down, work)
         parts = (up[:, 1:-1], down[:, 1:-1], up[:, :-2], down[:, 2:])
-        _update(fields, first[row], parts)
+        _update(fields, first, parts)
 
 
 @kernel
@@ -95,29 +92,40 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
 
 
 @parallel_kernel
-def sweep_columns(
-    flux: Flux,
-    fields: Floats,
-    first: NDArray[np.int64],
-    n: int,
-    extent: tuple[int, int],
-    normal: int,
-    ratio: float,
+def _sweep_columns(
+    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
 ) -> None:
-    """Transport across rows: as `sweep_rows`, with extent = (cells of a row, stride to the next).
+    starts, counts, widths = runs
+    for task in numba.prange(starts.size):
+        first = starts[task]
+        _march(flux, fields, first, counts[task], Span(first, widths[task], stride, normal), ratio)
 
-    first : (bundles of rows,) int64
-        Flat index of the first interior cell of each plane that is swept.
-    n : int
-        Interior rows of a plane.
+
+def sweep_runs(
+    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
+) -> None:
+    """Transport of all runs in one direction, in place.
+
+    Parameters
+    ----------
+    flux : NamedTuple
+        Chooses the numerical flux.
+    fields : (K, cells) float64
+        Padded fields, flat; ghosts filled. No run may be a neighbour of another along the
+        direction, nor of mass that belongs to none.
+    runs : Runs
+    stride : int
+        Distance of neighbours along the direction, 1 along x.
+    normal : int
+        Component of the momentum along it.
+    ratio : float
+        dt / h.
     """
-    length, stride = extent
-    bundles = (length + _BUNDLE - 1) // _BUNDLE
-    for task in numba.prange(first.size * bundles):
-        offset = (task % bundles) * _BUNDLE
-        width = min(_BUNDLE, length - offset)
-        begin = first[task // bundles] + offset
-        _march(flux, fields, begin, n, Span(begin, width, stride, normal), ratio)
+    with numba.parallel_chunksize(_CHUNK):
+        if stride == 1:
+            _sweep_rows(flux, fields, runs, normal, ratio)
+        else:
+            _sweep_columns(flux, fields, runs, stride, normal, ratio)
 
 
 def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> None:
@@ -134,14 +142,18 @@ def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> N
         dt / h.
     """
     components, *padded = fields.shape
-    flat = fields.reshape(components, -1)
-    index = np.arange(flat.shape[1], dtype=np.int64).reshape(padded)
+    index = np.arange(fields[0].size, dtype=np.int64).reshape(padded)
     inner = index[(slice(GHOSTS, -GHOSTS),) * len(padded)]
-    n = inner.shape[axis]
+    # The first cell of every line along the axis; across rows, of every bundle of them.
+    first = np.moveaxis(inner, axis, 0)[0]
     if axis == -1:
-        sweep_rows(flux, flat, np.ascontiguousarray(inner[..., 0].ravel()), n, normal, ratio)
-        return
+        first, width = first.ravel(), np.ones(first.size, np.int64)
+    else:
+        offsets = np.arange(0, first.shape[-1], BUNDLE)
+        width = np.broadcast_to(
+            np.minimum(BUNDLE, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
+        ).ravel()
+        first = first[..., ::BUNDLE].ravel()
+    runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
-    planes = np.moveaxis(inner[..., 0], axis + 1, 0)[0].ravel()
-    extent = (inner.shape[-1], stride)
-    sweep_columns(flux, flat, np.ascontiguousarray(planes), n, extent, normal, ratio)
+    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio)

@@ -47,8 +47,8 @@ def interaction(
     return AngleGridInteraction((angles, 9, 8), H, shape, STRENGTH, quantity)
 
 
-def on_all_angles(field: Array, angles: int) -> Array:
-    return np.tile(field, (angles // field.shape[0], 1, 1))
+def on_all_angles(field: NDArray[np.floating], angles: int) -> Array:
+    return np.tile(np.asarray(field, np.float64), (angles // field.shape[0], 1, 1))
 
 
 @pytest.mark.parametrize("aspect", [1.0, 2.0, 5.0])
@@ -66,6 +66,20 @@ def test_equals_the_direct_sum(angles: int, aspect: float) -> None:
     for field, expected in zip(found, exact, strict=False):
         miss = np.abs(on_all_angles(field, angles) - expected)[:, held].max()
         assert miss <= 1e-12 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("aspect", [2.0, 5.0])
+def test_single_precision_is_the_direct_sum_to_a_millionth(aspect: float) -> None:
+    """Rounding of 2^-24 in transforms and products: below 1e-6 of the largest value."""
+    q, exact = sources(6), direct(6, aspect)
+    shape = potential_shape(LENGTH, LENGTH / aspect)
+    forces = AngleGridInteraction((6, 9, 8), H, shape, STRENGTH, tolerance=1e-4).forces(q)
+    held = q.any(axis=0)
+    for field, expected in zip(forces, exact[1:], strict=True):
+        assert field is not None
+        assert field.dtype == np.float32
+        miss = np.abs(on_all_angles(field, 6) - expected)[:, held].max()
+        assert miss <= 1e-6 * np.abs(expected).max()
 
 
 def test_even_angles_fold_to_half_and_circles_to_one() -> None:

@@ -16,15 +16,13 @@ from ellipsoid_coupling.schemes.q_grid import (
     NORMAL,
     Q,
     QGrid,
-    Window,
     check_angles,
     grown,
     inside,
-    occupied_window,
-    runs,
+    occupied_extents,
     start_angles,
 )
-from ellipsoid_coupling.schemes.q_transport import transport
+from ellipsoid_coupling.schemes.q_transport import column_runs, transport
 from ellipsoid_coupling.schemes.sweeps import sweep
 
 Floats = NDArray[np.float64]
@@ -61,20 +59,48 @@ def test_a_centred_start_angle_has_one_cell() -> None:
     assert start_angles(QGrid(GRID.plane, 1), 1.2).tolist() == [1.0]
 
 
-def test_the_window_is_what_holds_mass() -> None:
-    window = occupied_window(some_fields([0, 1, 11]))
-    assert window.planes.tolist() == [0, 1, 11]
-    assert window.extent.tolist() == [2, 5, 0, 4]
-    assert occupied_window(np.zeros((4, *GRID.padded))).planes.size == 0
+def test_the_extents_are_what_holds_mass() -> None:
+    extents = occupied_extents(some_fields([0, 1, 11]))
+    held = extents[..., 1] > 0
+    assert np.argwhere(held).tolist() == [[a, j] for a in (0, 1, 11) for j in (2, 3, 4)]
+    assert np.all(extents[held] == [0, 4])
+    assert not np.any(occupied_extents(np.zeros((4, *GRID.padded)))[..., 1])
 
 
-def test_the_window_grows_periodically_in_angle_and_ends_in_space() -> None:
-    window = Window(np.array([0, 1, 11]), np.array([2, 7, 0, 4]))
-    assert grown(window, GRID.shape, -3).planes.tolist() == [0, 1, 2, 10, 11]
-    assert grown(window, GRID.shape, -2).extent.tolist() == [1, 7, 0, 4]
-    assert grown(window, GRID.shape, -1).extent.tolist() == [2, 7, 0, 5]
-    assert runs(np.array([0, 1, 2, 10, 11])) == [(0, 3), (10, 2)]
-    assert runs(np.array([], dtype=np.int64)) == []
+def test_extents_grow_periodically_in_angle_and_end_in_space() -> None:
+    """Equal to one cell more on both sides of every filled cell, row by row made convex."""
+    extents = occupied_extents(some_fields([0, 1, 11]))
+    for axis, rows in ((-3, [0, 1, 2, 10, 11]), (-2, [0, 1, 11]), (-1, [0, 1, 11])):
+        wider = grown(extents, 9, axis)
+        held = wider[..., 1] > 0
+        assert np.flatnonzero(held.any(axis=1)).tolist() == rows
+        assert np.flatnonzero(held.any(axis=0)).tolist() == list(
+            range(1, 6) if axis == -2 else range(2, 5)
+        )
+        assert np.all(wider[held] == ([0, 5] if axis == -1 else [0, 4]))
+
+
+@pytest.mark.parametrize("axis", [-2, -3])
+def test_runs_cover_every_extent_once(axis: int) -> None:
+    """Random rows: every cell of an extent in one run, runs with vacuum at both ends."""
+    rng = np.random.default_rng(8)
+    shape = (7, 9, 150)
+    ends = np.sort(rng.integers(0, 151, (*shape[:2], 2)), axis=-1)
+    extents = np.where(
+        (ends[..., :1] < ends[..., 1:]) & (rng.random((*shape[:2], 1)) < 0.6), ends, [150, 0]
+    )
+    row, plane = shape[2] + 4, (shape[1] + 4) * (shape[2] + 4)
+    stride = row if axis == -2 else plane
+    visits = np.zeros(11 * plane, np.int64)
+    for first, count, width in zip(*column_runs(extents, row, plane, axis), strict=True):
+        cells = first + stride * np.arange(count)[:, None] + np.arange(width)
+        visits[cells] += 1
+    inner = visits.reshape(11, 13, 154)[2:-2, 2:-2, 2:-2]
+    columns = np.arange(150)
+    held = (columns >= extents[..., :1]) & (columns < extents[..., 1:])
+    assert visits.max() == 1
+    assert visits.sum() == inner.sum()
+    assert np.all(inner[held] == 1)
 
 
 @FLUXES
@@ -83,9 +109,9 @@ def test_transport_in_the_window_is_the_whole_sweep(flux: Any, axis: int) -> Non
     """Bit for bit, over three steps, with mass on both sides of angle 0."""
     fields = some_fields([0, 1, 11])
     whole = fields.copy()
-    window = occupied_window(fields)
+    extents = occupied_extents(fields)
     for _ in range(3):
-        window = transport(flux, fields, axis, 0.4, window, False)
+        extents = transport(flux, fields, axis, 0.4, extents, False)
         if axis == -3:
             fill_periodic(whole, 1)
         else:
@@ -121,10 +147,10 @@ def test_mass_goes_round_the_angle_and_is_kept(flux: Any) -> None:
     inside(fields)[Q, :2] = 1.0
     inside(fields)[3] = 0.8 * inside(fields)[Q]
     before = inside(fields)[Q].sum()
-    window = occupied_window(fields)
+    extents = occupied_extents(fields)
     ratio = 1.0 if isinstance(flux, Ballistic) else 0.2
     for _ in range(15):
-        window = transport(flux, fields, -3, ratio, window, False)
+        extents = transport(flux, fields, -3, ratio, extents, False)
     assert inside(fields)[Q].sum() == pytest.approx(before, rel=1e-13)
     if isinstance(flux, Ballistic):
         from_start = (np.arange(12) - 0.5 + 6.0) % 12 - 6.0

@@ -8,11 +8,17 @@ result.density(cells=30)
 result.angle_distribution(bins=60)
 """
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError, RunError
-from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
-from ellipsoid_coupling.simulate import simulate
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.errors import EllipsoidError, InputError, RunError
+    from ellipsoid_coupling.flow import FlowField
+    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
+    from ellipsoid_coupling.simulation import simulate
 
 __version__ = "0.1.0"
 
@@ -27,3 +33,23 @@ __all__ = [
     "load_scene",
     "simulate",
 ]
+
+# Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
+_HOMES = {
+    "errors": ("EllipsoidError", "InputError", "RunError"),
+    "flow": ("FlowField",),
+    "result": ("Result",),
+    "scenes": ("Scene", "builtin_scenes", "load_scene"),
+    "simulation": ("simulate",),
+}
+
+
+def __getattr__(name: str) -> object:
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{home}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

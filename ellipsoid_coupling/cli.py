@@ -7,14 +7,16 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
-from ellipsoid_coupling.scenes import Scene, explain_terms, load_scene, parse_setting
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.scenes import Scene
 
 app = App(
     name="ellipsoid",
@@ -46,6 +48,8 @@ def _new_folder(out: Path | None, name: str) -> Path:
 
 
 def _scene(name: str, settings: list[str] | None) -> Scene:
+    from ellipsoid_coupling.scenes import load_scene, parse_setting
+
     return load_scene(name, dict(parse_setting(text) for text in settings or []))
 
 
@@ -96,6 +100,7 @@ def plan(
         The model that it is planned for.
     """
     from ellipsoid_coupling.models import model_names
+    from ellipsoid_coupling.scenes import explain_terms
 
     if model not in model_names():
         known = ", ".join(model_names())
@@ -153,7 +158,7 @@ def run(
         Continue the interrupted run in --out, bit for bit.
     """
     from ellipsoid_coupling.models import scheme_named
-    from ellipsoid_coupling.simulate import simulate
+    from ellipsoid_coupling.simulation import simulate
 
     before = _run_file(scene)
     chosen = _scene(scene, set_)
@@ -209,7 +214,7 @@ def compare(
     from ellipsoid_coupling.compare.frontier import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
     from ellipsoid_coupling.result import Result
-    from ellipsoid_coupling.simulate import scene_flow
+    from ellipsoid_coupling.simulation import scene_flow
 
     with ProgressReporter() as report:
         if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
@@ -258,7 +263,7 @@ def export(run: Path, /) -> None:
     """
     from ellipsoid_coupling.output.paraview import export as write
     from ellipsoid_coupling.result import Result
-    from ellipsoid_coupling.simulate import scene_flow
+    from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
     with ProgressReporter() as report:
@@ -281,7 +286,7 @@ def figures(runs: Names, /, *, out: Path | None = None) -> None:
     """
     from ellipsoid_coupling.output.figures import draw_all
     from ellipsoid_coupling.result import Result
-    from ellipsoid_coupling.simulate import scene_flow
+    from ellipsoid_coupling.simulation import scene_flow
 
     results = [Result.load(path) for path in runs]
     folder = _new_folder(out, "figures")

@@ -23,7 +23,7 @@ ORDER = [
     "models",
     "histograms",
     "result",
-    "simulate",
+    "simulation",
     "compare",
     "output",
     "progress",

@@ -32,7 +32,7 @@ from ellipsoid_coupling.output.frontier_report import report_frontiers
 from ellipsoid_coupling.output.paraview import export, export_flow
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
-from ellipsoid_coupling.simulate import scene_flow
+from ellipsoid_coupling.simulation import scene_flow
 
 # The small version: the same job with fewer realisations and wider cells.
 SMALL = {"flow.cells": 64, "particles.realisations": 16, "numerics.cell": 0.01}

@@ -34,7 +34,7 @@ from ellipsoid_coupling.output.figures import (
     fitted_slope,
 )
 from ellipsoid_coupling.progress import ProgressReporter
-from ellipsoid_coupling.simulate import scene_flow
+from ellipsoid_coupling.simulation import scene_flow
 
 QUICK = {"particles.realisations": 8}
 QUICK_CELLS = {"top_bottom": 0.1, "rotation": 0.05, "cavity": 0.01, "cavity_free": 0.01}

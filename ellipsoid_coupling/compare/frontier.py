@@ -15,7 +15,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES, SchemeName
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, scene_from_table
-from ellipsoid_coupling.simulate import Report, simulate
+from ellipsoid_coupling.simulation import Report, simulate
 
 FRONTIER_MODELS = ("microscopic", "rho_mono_kinetic")
 

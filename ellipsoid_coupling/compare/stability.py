@@ -21,7 +21,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES, SchemeName
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, load_scene
-from ellipsoid_coupling.simulate import Report, scene_flow, simulate
+from ellipsoid_coupling.simulation import Report, scene_flow, simulate
 
 STABILITY_MODELS = ("microscopic", "rho_mono_kinetic")
 

@@ -22,7 +22,7 @@ from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
 from ellipsoid_coupling.schemes.grid import interior
 from ellipsoid_coupling.schemes.q_grid import QOMEGA, QVX, QVY, Q, inside
-from ellipsoid_coupling.simulate import simulate
+from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]
 MONO, MAXWELL = "q_mono_kinetic", "q_maxwellian"

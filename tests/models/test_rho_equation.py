@@ -18,7 +18,7 @@ from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
 from ellipsoid_coupling.schemes.grid import interior
-from ellipsoid_coupling.simulate import simulate
+from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]
 BOTH = pytest.mark.parametrize("scheme", ["paper", "accurate"])

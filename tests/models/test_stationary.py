@@ -16,7 +16,7 @@ from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.models.stationary import StationaryState
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
-from ellipsoid_coupling.simulate import simulate
+from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,237 @@
+"""Sweeps, interaction integrals, whole q and rho steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from unittest import mock
+
+import numba
+import numpy as np
+from benchmark_tools import Floats, Row, Sizes, limits, seconds, with_threads
+
+from ellipsoid_coupling import load_scene, simulate
+from ellipsoid_coupling.interaction import angle_grid
+from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
+from ellipsoid_coupling.interaction.choice import choose_interaction
+from ellipsoid_coupling.interaction.grid_forces import half_widths
+from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
+from ellipsoid_coupling.schemes import q_grid, q_splitting
+from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.contract import Flux
+from ellipsoid_coupling.schemes.q_transport import transport
+
+SHAPE = potential_shape(0.1, 0.05)
+SPACING = 0.02
+AXES = (-1, -2, -3)
+
+
+def smooth_fields(cells: int, angles: int) -> Floats:
+    """Four padded fields without vacuum, velocities of order 1."""
+    fields = np.zeros((4, angles + 4, cells + 4, cells + 4))
+    inner = q_grid.inside(fields)
+    rng = np.random.default_rng(0)
+    inner[0] = 1.0 + rng.random(inner[0].shape)
+    inner[1:] = 0.3 * rng.standard_normal(inner[1:].shape) * inner[0]
+    return fields
+
+
+def sweep_rate(flux: Flux, cells: int, angles: int, repeats: int) -> float:
+    """10^6 cell updates a second, the mean of the three directions."""
+    fields = smooth_fields(cells, angles)
+    extents = q_grid.occupied_extents(fields)
+
+    def sweeps() -> None:
+        for axis in AXES:
+            transport(flux, fields, axis, 1e-3, extents, False)
+
+    return 3e-6 * cells * cells * angles / seconds(sweeps, repeats)
+
+
+def _sweep_rows(sizes: Sizes) -> Iterator[Row]:
+    size = sizes.q_cells, sizes.angles, sizes.repeats
+    one, two = (with_threads(n, lambda: sweep_rate(Force(0.0), *size)) for n in (1, 2))
+    second = sweep_rate(Ballistic(), *size)
+    # Four fields of 8 bytes are read and written.
+    memory = limits(sizes)["two threads"] * 1e3 / 64.0
+    work = f"FORCE sweep, 4 fields, {size[0]}x{size[0]}x{size[1]}"
+    yield Row(
+        work,
+        "35 M cell updates/s on two threads, 60 % of the triad",
+        f"{two:.0f} M/s (one thread {one:.0f})",
+        f"the triad's bytes would give {memory:.0f}: {100 * two / memory:.0f} %",
+        {"rate": 1e6 * two, "one_thread": 1e6 * one, "part_of_triad": two / memory},
+    )
+    yield Row(
+        "second-order (ballistic) sweep",
+        "at most 3x the cost of FORCE",
+        f"{two / second:.1f}x",
+        f"{second:.0f} M cell updates/s",
+        {"ratio": two / second, "rate": 1e6 * second},
+    )
+
+
+@parallel_kernel
+def tabulate(h: float, widths: Floats, angles: int, shape: tuple[float, ...], out: Floats) -> None:
+    """grad_r U and dU/dtheta of every offset and pair of angles: out (2R+1, 2R+1, 3, n, n)."""
+    reach = out.shape[0] // 2
+    for task in numba.prange(out.shape[0]):
+        constants = PotentialShape(shape[0], shape[1], shape[2])
+        j = task - reach
+        width = int(widths[abs(j)])
+        for i in range(-width, width + 1):
+            for a in range(angles):
+                for b in range(angles):
+                    s, t = 2.0 * np.pi * a / angles, 2.0 * np.pi * b / angles
+                    cs, ss, ct, st = np.cos(s), np.sin(s), np.cos(t), np.sin(t)
+                    values = pair_potential(i * h, j * h, cs, ss, ct, st, constants)
+                    for c in range(3):
+                        out[task, i + reach, c, a, b] = values[c + 1]
+
+
+@parallel_kernel
+def direct_sum(density: Floats, table: Floats, widths: Floats, out: Floats) -> None:
+    """The rival: every cell adds its neighbours' angles, from a table, along contiguous x."""
+    reach = table.shape[0] // 2
+    n, rows, columns = density.shape
+    for task in numba.prange(n * rows):
+        a, j = task // rows, task % rows
+        for dj in range(max(-reach, -j), min(reach, rows - 1 - j) + 1):
+            width = int(widths[abs(dj)])
+            for di in range(-width, width + 1):
+                first, end = max(0, -di), min(columns, columns - di)
+                for b in range(n):
+                    fx = table[dj + reach, di + reach, 0, a, b]
+                    fy = table[dj + reach, di + reach, 1, a, b]
+                    turn = table[dj + reach, di + reach, 2, a, b]
+                    row = density[b, j + dj]
+                    for i in range(first, end):
+                        out[0, a, j, i] -= fx * row[i + di]
+                        out[1, a, j, i] -= fy * row[i + di]
+                        out[2, a, j, i] -= turn * row[i + di]
+
+
+def _integral_row(sizes: Sizes) -> Row:
+    grid = sizes.angles, sizes.q_cells, sizes.q_cells
+    density = np.random.default_rng(1).random(grid)
+    n = sizes.angles // 2
+    widths = half_widths(SHAPE, SPACING).astype(np.float64)
+    table = np.zeros((2 * widths.size - 1, 2 * widths.size - 1, 3, n, n))
+    tabulate(SPACING, widths, n, tuple(SHAPE), table)
+    folded, out = density[:n] + density[n:], np.zeros((3, n, *grid[1:]))
+    direct_sum(folded[:, :1], table, widths, np.zeros((3, n, 1, grid[2])))
+
+    def direct() -> None:
+        out[:] = 0.0
+        direct_sum(folded, table, widths, out)
+
+    slow = seconds(direct, 1)
+    exact = out * SPACING**2 * 2.0 * np.pi / sizes.angles
+    times, errors = [], []
+    for tolerance in (0.0, 2e-2):
+        kernel = AngleGridInteraction(grid, SPACING, SHAPE, 1.0, tolerance=tolerance)
+        found = np.array([part for part in kernel.forces(density) if part is not None])
+        errors.append(
+            max(np.abs(f - e).max() / np.abs(e).max() for f, e in zip(found, exact, strict=True))
+        )
+        times.append(seconds(partial(kernel.forces, density), sizes.repeats))
+    return Row(
+        f"q integral {grid[1]}x{grid[2]}x{grid[0]}, three components",
+        "15x the direct sum at 1e-12, 35x at 1e-6",
+        f"{slow / times[0]:.0f}x at {errors[0]:.0e}, {slow / times[1]:.0f}x at {errors[1]:.0e}",
+        f"{times[0]:.3f} and {times[1]:.3f} s; direct, from a table: {slow:.2f} s",
+        {"ratio_double": slow / times[0], "ratio_single": slow / times[1], "seconds": times[0]},
+    )
+
+
+def _rho_integral_row(sizes: Sizes) -> Row:
+    grid = sizes.rho_cells, sizes.rho_cells
+    rng = np.random.default_rng(2)
+    density, angle = rng.random(grid), 6.0 * rng.random(grid)
+    h, shape = 1.0 / sizes.rho_cells, potential_shape(0.05, 0.025)
+    direct = choose_interaction(grid, h, shape, 1.0, 1.0, "direct")
+    slow, exact = seconds(lambda: direct(density, angle), 1), direct(density, angle).x
+    times, errors = [], []
+    for tolerance in (2e-2, 5e-3, 1e-4):
+        fast = choose_interaction(grid, h, shape, 1.0, tolerance)
+        errors.append(float(np.abs(fast(density, angle).x - exact).max() / np.abs(exact).max()))
+        times.append(seconds(partial(fast, density, angle), sizes.repeats))
+    told = ", ".join(f"{slow / t:.1f}x at {e:.0e}" for t, e in zip(times, errors, strict=True))
+    return Row(
+        f"rho integral {grid[0]}x{grid[1]}",
+        "12x the direct sum at 5e-3, faster at 1e-4",
+        told,
+        f"{', '.join(f'{t:.3f}' for t in times)} s; direct {slow:.2f} s; tolerances 2e-2, 5e-3, 1e-4",
+        {f"ratio_{k}": slow / t for k, t in enumerate(times)},
+    )
+
+
+def _empty_row(sizes: Sizes) -> Row:
+    settings = {"numerics.cell": sizes.scene_cell, "times": [sizes.scene_time]}
+    scene = load_scene("rotation", settings)
+
+    def everywhere(fields: Floats) -> Floats:
+        shape = q_grid.inside(fields[0]).shape
+        return np.broadcast_to(np.array([0, shape[2]]), (*shape[:2], 2)).copy()
+
+    def all_cells(density: Floats) -> tuple[Floats, Floats]:
+        planes, rows, columns = density.shape
+        return np.ones((planes, rows), np.bool_), np.ones((planes, columns), np.bool_)
+
+    simulate(load_scene("rotation", settings | {"times": [0.01]}), "q_mono_kinetic")
+    fast = simulate(scene, "q_mono_kinetic")
+    with (
+        mock.patch.object(q_splitting, "occupied_extents", everywhere),
+        mock.patch.object(angle_grid, "_occupied", all_cells),
+    ):
+        slow = simulate(scene, "q_mono_kinetic")
+    one, all_ = fast.variables["density"], slow.variables["density"]
+    apart = float(np.abs(one - all_).max() / one.max())
+    times = [float(r.attributes["wall_seconds"]) for r in (fast, slow)]
+    return Row(
+        f"rotation, q, h = {sizes.scene_cell:g}, to t = {sizes.scene_time:g}",
+        "5x by leaving out what is empty, equal to 1e-12",
+        f"{times[1] / times[0]:.1f}x, apart by {apart:.0e}",
+        f"{times[0]:.1f} s instead of {times[1]:.1f} s",
+        {"ratio": times[1] / times[0], "apart": apart},
+    )
+
+
+def _growth_row(sizes: Sizes) -> Row:
+    """A step of the rho-equation and of a q-equation without interaction: ns a cell."""
+    told: list[str] = []
+    numbers: dict[str, float] = {}
+    small = max(sizes.rho_cells // 4, 16)
+    for model, cells, angles in (
+        ("rho_mono_kinetic", small, 1),
+        ("q_mono_kinetic", small // 2, 16),
+    ):
+        each = []
+        for factor in (1, 2, 4, 8):
+            n = cells * factor
+            box = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5], "interaction": None}
+            settings = box | {"numerics.cell": 3.0 / n, "numerics.angle_cells": angles}
+            times = {"times": [0.05 * 8 / factor]}
+            simulate(load_scene("rotation", settings | {"times": [1e-6]}), model)
+            result = simulate(load_scene("rotation", settings | times), model)
+            steps = float(result.attributes["steps"])
+            each.append(1e9 * float(result.attributes["wall_seconds"]) / steps / (n * n * angles))
+        told.append(f"{model} {' / '.join(f'{t:.0f}' for t in each)}")
+        numbers |= {f"{model}_{k}": t for k, t in enumerate(each)}
+    return Row(
+        "rho and q, 64-fold cells",
+        "cost per cell flat within 25 %",
+        f"{'; '.join(told)} ns a cell and step",
+        "each row four grids, 1 : 4 : 16 : 64 cells",
+        numbers,
+    )
+
+
+def grid_rows(sizes: Sizes) -> Iterator[Row]:
+    """All rows of grids."""
+    yield from _sweep_rows(sizes)
+    yield _integral_row(sizes)
+    yield _rho_integral_row(sizes)
+    yield _empty_row(sizes)
+    yield _growth_row(sizes)

@@ -1,0 +1,177 @@
+"""Pair sums, ensembles, large clouds, samples of the mean-field limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+
+import numba
+import numpy as np
+from benchmark_tools import Floats, Row, Sizes, seconds, with_threads
+
+from ellipsoid_coupling import load_scene, simulate
+from ellipsoid_coupling.compare import errors_against, exact_reference
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid
+from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.kernels import KERNEL_OPTIONS, for_each
+from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
+from ellipsoid_coupling.simulation import scene_flow
+
+LENGTH, WIDTH = 0.05, 0.025
+SHAPE = potential_shape(LENGTH, WIDTH)
+NEIGHBOURS = 60
+
+
+@numba.njit(error_model="numpy", fastmath=KERNEL_OPTIONS["fastmath"])
+def all_pairs(place: Floats, shape: PotentialShape, force: Floats) -> int:
+    """The plain rival: every pair once, cos and sin and exp where they are needed."""
+    within = 0
+    for i in range(place.shape[1]):
+        for j in range(i):
+            dx, dy = place[0, j] - place[0, i], place[1, j] - place[1, i]
+            if dx * dx + dy * dy > shape.reach * shape.reach:
+                continue
+            within += 1
+            ci, si = math.cos(2.0 * place[2, i]), math.sin(2.0 * place[2, i])
+            cj, sj = math.cos(2.0 * place[2, j]), math.sin(2.0 * place[2, j])
+            _, gx, gy, turn_i = pair_potential(dx, dy, ci, si, cj, sj, shape)
+            _, _, _, turn_j = pair_potential(-dx, -dy, cj, sj, ci, si, shape)
+            force[0, i] -= gx
+            force[1, i] -= gy
+            force[2, i] -= turn_i
+            force[0, j] += gx
+            force[1, j] += gy
+            force[2, j] -= turn_j
+    return within
+
+
+def cloud(count: int, side: float, seed: int = 0) -> tuple[Floats, Floats]:
+    """Random places (3, N) in a square, and cos and sin of twice the angle (2, N)."""
+    place = np.random.default_rng(seed).random((3, count))
+    place[:2] *= side
+    place[2] *= 2.0 * np.pi
+    return place, np.array([np.cos(2.0 * place[2]), np.sin(2.0 * place[2])])
+
+
+def side_for(count: int, neighbours: float) -> float:
+    """The square in which a particle has so many neighbours within reach."""
+    return math.sqrt(count * math.pi * SHAPE.reach**2 / neighbours)
+
+
+def _pairs(side: float) -> Pairs:
+    return Pairs(cell_grid((0.0, side), (0.0, side), SHAPE.reach), SHAPE, 1.0, 1.0, None, 0.0)
+
+
+def _pair_row(work: str, aim: str, sizes: Sizes, side: float) -> Row:
+    place, axis = cloud(sizes.particles, side)
+    pairs, force, other = (
+        _pairs(side),
+        np.zeros((3, sizes.particles)),
+        np.zeros((3, sizes.particles)),
+    )
+    within = int(all_pairs(place, SHAPE, other))
+    add_pair_forces(place, axis, pairs, force)
+    error = float(np.abs(force - other).max() / np.abs(other).max())
+    fast = seconds(lambda: add_pair_forces(place, axis, pairs, force), 5 * sizes.repeats)
+    slow = seconds(lambda: all_pairs(place, SHAPE, other), sizes.repeats)
+    rate = within / fast / 1e6
+    return Row(
+        work,
+        aim,
+        f"{rate:.0f} M unordered pairs/s on one core, {1e3 * fast:.2f} ms",
+        f"{slow / fast:.1f}x the plain all-pairs loop; apart by {error:.0e}",
+        {"pairs_per_second": 1e6 * rate, "ratio": slow / fast, "error": error},
+    )
+
+
+def _ensemble_row(sizes: Sizes) -> Row:
+    side = side_for(sizes.particles, NEIGHBOURS)
+    pairs = _pairs(side)
+    clouds = [cloud(sizes.particles, side, seed) for seed in range(sizes.realisations)]
+    force = np.zeros((sizes.realisations, 3, sizes.particles))
+
+    def work() -> None:
+        for_each(sizes.realisations, lambda k: add_pair_forces(*clouds[k], pairs, force[k]))
+
+    one, two = (with_threads(n, lambda: seconds(work, sizes.repeats)) for n in (1, 2))
+    return Row(
+        f"{sizes.realisations} realisations x {sizes.particles} particles",
+        "1.85x from one thread to two",
+        f"{one / two:.2f}x, {1e3 * two:.0f} ms an evaluation",
+        "cells rebuilt each time: 2 % of it, so no list is kept",
+        {"ratio": one / two, "seconds": two},
+    )
+
+
+def _large_clouds_row(sizes: Sizes) -> Row:
+    each = []
+    for count in sizes.clouds:
+        side = side_for(count, NEIGHBOURS)
+        (place, axis), pairs = cloud(count, side), _pairs(side)
+        force = np.zeros_like(place)
+        work = partial(add_pair_forces, place, axis, pairs, force)
+        time = seconds(work, min(sizes.repeats, 3))
+        each.append(1e9 * time / count)
+    bytes_each = 8 * (3 * 4 + 2 + 4 + 2)
+    return Row(
+        f"microscopic, {NEIGHBOURS} neighbours, N = " + ", ".join(f"{n:.0e}" for n in sizes.clouds),
+        "cost per particle flat within 15 %",
+        " / ".join(f"{t:.0f}" for t in each) + " ns a particle and evaluation",
+        f"+{100 * (max(each) / min(each) - 1):.0f} %; {bytes_each} bytes a particle",
+        {f"ns_{count}": value for count, value in zip(sizes.clouds, each, strict=True)},
+    )
+
+
+def _samples_row(sizes: Sizes) -> Row:
+    interaction = SampleInteraction((0.0, 1.0), (0.0, 1.0), SHAPE, WIDTH, 1.0, 2e-2)
+    each = []
+    for count in sizes.samples:
+        place = np.ascontiguousarray(cloud(count, 1.0)[0].reshape(3, -1, 1000).transpose(1, 0, 2))
+        force = np.zeros_like(place)
+        work = partial(interaction.add_forces, place, (1.0, 1.0), force)
+        time = seconds(work, min(sizes.repeats, 3))
+        each.append(1e9 * time / count)
+    return Row(
+        "mckean_vlasov, interaction, S = " + ", ".join(f"{n:.0e}" for n in sizes.samples),
+        "cost per sample flat within 15 %",
+        " / ".join(f"{t:.0f}" for t in each) + " ns a sample and evaluation",
+        "falls while the grid's transforms are shared by more samples",
+        {f"ns_{count}": value for count, value in zip(sizes.samples, each, strict=True)},
+    )
+
+
+def _cavity_row(sizes: Sizes) -> Row:
+    scene = load_scene("cavity_free", {"numerics.cell": sizes.cavity_cell, "flow.cells": 64})
+    flow = scene_flow(scene)
+    reference = exact_reference(scene, flow)
+    points = load_scene("cavity_free", {"numerics.tolerance": 1e-2, "flow.cells": 64})
+    found = {}
+    for name, changed, model, scheme in (
+        ("paper", scene, "rho_mono_kinetic", "paper"),
+        ("samples", points, "mckean_vlasov", "accurate"),
+    ):
+        simulate(changed, model, "paper" if scheme == "paper" else "accurate", flow=flow)
+        result = simulate(changed, model, "paper" if scheme == "paper" else "accurate", flow=flow)
+        errors = [float(e) for e in errors_against(result, reference).density]
+        found[name] = errors, float(result.attributes["wall_seconds"])
+    (errors, time), (others, paper) = found["samples"], found["paper"]
+    return Row(
+        "cavity_free, density error at t = 2, 3.5, 5",
+        "at most 0.02 in the time of FORCE",
+        f"{', '.join(f'{e:.3f}' for e in errors)} in {time:.2f} s (mckean_vlasov, even points)",
+        f"FORCE, h = {sizes.cavity_cell:g}: {', '.join(f'{e:.2f}' for e in others)} in {paper:.2f} s",
+        {"seconds": time, "paper_seconds": paper, "worst_error": max(errors)},
+    )
+
+
+def particle_rows(sizes: Sizes) -> Iterator[Row]:
+    """All rows of particles and samples."""
+    side = side_for(sizes.particles, NEIGHBOURS)
+    work = f"pair force and torque, N = {sizes.particles}, {NEIGHBOURS} neighbours"
+    yield _pair_row(work, "20x, 55 M/s, error 1e-12", sizes, side)
+    yield _pair_row("the same, dense: nearly all in range", "150 M/s", sizes, 0.6 * SHAPE.reach)
+    yield _ensemble_row(sizes)
+    yield _large_clouds_row(sizes)
+    yield _samples_row(sizes)
+    yield _cavity_row(sizes)

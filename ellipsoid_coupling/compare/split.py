@@ -1,0 +1,212 @@
+"""What an error is made of: discretisation, closure, finite N and sampling.
+
+B(X) are the binned masses of a run X at one saved time (20 x 20 cells, or 60 angles), |.| the sum of
+absolute values over the bins, Y the yardstick: the exact solution where there is one, else the refined
+`mckean_vlasov`. E is the mean over realisations. Every part is an L1 distance:
+
+    total           |B(X) - Y|
+    discretisation  |E B(X) - R|       R: the same model, refined
+    closure         |R - Y|            of a grid model
+    finite N        |R - Y|            of `microscopic`
+    sampling        E |B(X) - E B(X)|  of a random run
+
+so that, by the triangle inequality, total <= the sum of the parts. R is
+
+    grids           B_1 + (B_1 - B_2)/((h_2/h_1)^p - 1), the finest run of the scheme `accurate` and
+                    the next that is half as wide again, p = 2 its order; |B_1 - B_2| is given as the
+                    uncertainty (above some 0.1 the runs are not yet where they converge, and R
+                    means little; closure below it is not resolved)
+    microscopic     an ensemble with the scene's own number of realisations, a finer tolerance and
+                    the same start positions
+    mckean_vlasov   Y
+
+Expectations of random runs. The bins come in K independent groups d_k (realisations, or blocks of
+samples); |mean of d_k| would count the noise of the mean as an error. Instead
+
+    |E d| ~ 1/K sum_k sum_bins sign(mean of all d_j, j /= k) d_k
+
+a group's noise is independent of the sign that the others give it, so that noise adds nothing: 0
+where E d = 0, and |E d| where it stands out of the noise; bins that do not are missing. Sampling is
+the bootstrap: groups drawn with replacement from a pool of them, and the mean L1 distance of the
+draws from the pool.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compare.errors import ANGLE_BINS, DENSITY_CELLS, Errors
+from ellipsoid_coupling.histograms import FULL_TURN, particle_angles, particle_density
+from ellipsoid_coupling.result import Result
+
+Floats = NDArray[np.float64]
+
+# Of both schemes `accurate` on grids; the tests of schemes/ measure it.
+ORDER = 2
+# Above this distance of the two finest levels an extrapolation means little.
+UNRESOLVED = 0.1
+# More groups of a random run than this tell nothing more about its spread.
+MOST_GROUPS = 256
+_DRAWS = 100
+
+
+class Bins(NamedTuple):
+    """A run's masses on the common bins.
+
+    density : (K, T, 400) float64, K independent groups, axis order (group, time, bin), sum 1 over bins
+    angle : (K, T, 60) float64
+    samples : particles in a group; 0 for a grid
+    """
+
+    density: Floats
+    angle: Floats
+    samples: int
+
+
+class Estimate(NamedTuple):
+    """A distance at each saved time (T,), and its own standard error (T,)."""
+
+    value: Floats
+    spread: Floats
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of one run's error; None where a part does not exist.
+
+    Each has one distance a saved time for density and angle, (T,) each. `discretisation_spread` is
+    the uncertainty of `discretisation`, `offset_spread` that of `closure` or `finite_n`.
+    """
+
+    discretisation: Errors | None = None
+    closure: Errors | None = None
+    finite_n: Errors | None = None
+    sampling: Errors | None = None
+    discretisation_spread: Errors | None = None
+    offset_spread: Errors | None = None
+
+
+def bin_result(result: Result, group_size: int | None = None) -> Bins:
+    """A result's masses on the common bins.
+
+    Parameters
+    ----------
+    result : Result
+    group_size : int, optional
+        Particles in an independent group (those of a realisation); None for a run that is not random,
+        which is one group. Fewer groups of several realisations are made where there are too many.
+    """
+    if group_size is None:
+        area = result.scene.domain.width * result.scene.domain.height / DENSITY_CELLS**2
+        times = result.times.size
+        density = result.density(DENSITY_CELLS).reshape(1, times, -1) * area
+        return Bins(density, result.angle_distribution(ANGLE_BINS)[None] * _WIDTH, 0)
+    return _bin_groups(result, group_size)
+
+
+_WIDTH = FULL_TURN / ANGLE_BINS
+
+
+def _bin_groups(result: Result, group_size: int) -> Bins:
+    times = result.times.size
+    total = result.variables["x"][0].size
+    size = group_size * int(np.ceil(total // group_size / MOST_GROUPS))
+    count = total // size
+    x, y, angle = (
+        result.variables[name].reshape(times, -1)[:, : count * size].reshape(times, count, size)
+        for name in ("x", "y", "angle")
+    )
+    domain = result.scene.domain
+    area = domain.width * domain.height / DENSITY_CELLS**2
+    density = np.empty((count, times, DENSITY_CELLS**2))
+    angles = np.empty((count, times, ANGLE_BINS))
+    for k in range(count):
+        for t in range(times):
+            found = particle_density(x[t, k], y[t, k], domain.x, domain.y, DENSITY_CELLS)
+            density[k, t] = found.ravel() * area
+            angles[k, t] = particle_angles(angle[t, k], ANGLE_BINS) * _WIDTH
+    return Bins(density, angles, size)
+
+
+def first_groups(bins: Bins, count: int) -> Bins:
+    """The first `count` groups: those that start where another run's first `count` do."""
+    return bins._replace(density=bins.density[:count], angle=bins.angle[:count])
+
+
+def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: int = ORDER) -> Bins:
+    """Richardson: fine + (fine - coarse)/(ratio^order - 1), of runs without groups.
+
+    ratio : spacing of `coarse` over that of `fine`, above 1
+    """
+    weight = 1.0 / (ratio**order - 1.0)
+    return Bins(
+        fine.density + weight * (fine.density - coarse.density),
+        fine.angle + weight * (fine.angle - coarse.angle),
+        0,
+    )
+
+
+def expected_l1(differences: Floats) -> Estimate:
+    """|E d| of K groups of differences (K, T, bins); see the module's head. K = 1: plain |d|."""
+    count = differences.shape[0]
+    if count == 1:
+        value = np.abs(differences[0]).sum(axis=-1)
+        return Estimate(value, np.zeros_like(value))
+    others = differences.sum(axis=0) - differences
+    terms = (np.sign(others) * differences).sum(axis=-1)
+    spread = terms.std(axis=0, ddof=1) / np.sqrt(count)
+    return Estimate(np.maximum(terms.mean(axis=0), 0.0), spread)
+
+
+def _subtract(a: Floats, b: Floats) -> Floats:
+    """Differences of groups, (min(K_a, K_b), T, bins); one group is set against all of the other's."""
+    if 1 in (a.shape[0], b.shape[0]):
+        return a - b
+    count = min(a.shape[0], b.shape[0])
+
+    def merged(values: Floats) -> Floats:
+        return np.array([part.mean(axis=0) for part in np.array_split(values, count)])
+
+    return merged(a) - merged(b)
+
+
+def distance(a: Bins, b: Bins) -> tuple[Errors, Errors]:
+    """|E B(a) - E B(b)| and its standard error, noise of either taken out as far as it has groups."""
+    density = expected_l1(_subtract(a.density, b.density))
+    angle = expected_l1(_subtract(a.angle, b.angle))
+    return Errors(density.value, angle.value), Errors(density.spread, angle.spread)
+
+
+def total_error(run: Bins, yardstick: Bins) -> Errors:
+    """|B(run) - Y|, the run's own noise included, the yardstick's taken out as far as it has groups."""
+    whole = Bins(run.density.mean(axis=0)[None], run.angle.mean(axis=0)[None], 0)
+    return distance(whole, yardstick)[0]
+
+
+def sampling_error(pool: Bins, samples: int) -> Errors:
+    """E |B - E B| of a run with so many samples, by bootstrap over the groups of `pool`.
+
+    A run smaller than one group is told from one group by the law 1/sqrt(samples). The pool's finite
+    number K of groups makes the draws' spread too small by sqrt(1 - 1/K), which is put right.
+
+    Raises
+    ------
+    ValueError
+        For a pool of fewer than two groups: nothing tells its spread.
+    """
+    count = pool.density.shape[0]
+    if count < 2:
+        raise ValueError(f"a pool of two groups or more, not {count}")
+    groups = max(1, round(samples / pool.samples))
+    generator = np.random.default_rng(0)
+    chosen = generator.multinomial(groups, np.full(count, 1.0 / count), size=_DRAWS) / groups
+    scale = np.sqrt(groups * pool.samples / samples * count / (count - 1.0))
+    found = []
+    for values in (pool.density, pool.angle):
+        draws = np.tensordot(chosen, values, axes=1) - values.mean(axis=0)
+        found.append(scale * np.abs(draws).sum(axis=-1).mean(axis=0))
+    return Errors(*found)

@@ -57,6 +57,11 @@ _FINER_HARMONICS = 4.0
 _FEWEST_REALISATIONS = 8
 # Of the spacings of two levels that are extrapolated: nearer ones would magnify what is not of order h^p.
 _LEAST_RATIO = 1.45
+# So many levels are tried whatever the one before took: after a crossing of characteristics a coarse
+# grid may take more steps than a fine one. A run that takes too long is stopped.
+_TRIED = 4
+# The yardstick may take so many times what other runs may: all of them are measured against it.
+_YARDSTICK_TIME = 3.0
 
 
 @dataclass(frozen=True)
@@ -174,9 +179,7 @@ def run_frontier(
     yardstick = _yardstick(scene, models, bench)
     climbed = [(ladder, climb(ladder, bench, yardstick.group_size)) for ladder in ladders]
     yardstick.refined.update(_refined(climbed))
-    rows = [
-        _row(ladder, rung, yardstick) for ladder, rungs in climbed for rung in rungs
-    ]
+    rows = [_row(ladder, rung, yardstick) for ladder, rungs in climbed for rung in rungs]
     return Frontier(
         rows=rows,
         reference=yardstick.result,
@@ -217,9 +220,9 @@ def climb(ladder: Ladder, bench: Bench, sample_group: int | None) -> list[Rung]:
     """
     rungs: list[Rung] = []
     last: tuple[float, float] | None = None
-    for level in ladder.levels:
+    for number, level in enumerate(ladder.levels):
         foretold = 0.0 if last is None else last[0] * level.cost / last[1]
-        if foretold > bench.longest:
+        if foretold > bench.longest and number >= _TRIED:
             told = f"not run: would take about {foretold:.0f} s"
             rungs.append(Rung(level, None, None, told))
             continue
@@ -247,7 +250,9 @@ def _yardstick(scene: Scene, models: Sequence[str], bench: Bench) -> Yardstick:
         bench.tell(f"{scene.name}: exact reference", 1.0)
         bins = bin_result(result)
     else:
-        result, before = _refined_samples(scene, replace(bench, seed=bench.seed + 1))
+        result, before = _refined_samples(
+            scene, replace(bench, seed=bench.seed + 1, longest=_YARDSTICK_TIME * bench.longest)
+        )
         bins = bin_result(result, group)
         if before is not None:
             spread = distance(bins, bin_result(before, group))[0]
@@ -264,7 +269,9 @@ def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]
     most = max(own, _MOST_SAMPLES // scene.particles.number)
     finer = {"numerics.harmonics_tolerance": numerics.harmonics_tolerance / _FINER_HARMONICS}
     levels = [
-        Level(changed(scene, finer | {"numerics.tolerance": numerics.tolerance * factor}), cost, 0.0)
+        Level(
+            changed(scene, finer | {"numerics.tolerance": numerics.tolerance * factor}), cost, 0.0
+        )
         for factor, cost in ((100.0, 1.0), (10.0, 2.0), (1.0, 4.0))
     ]
     # What a sample costs is unknown before: too long a run is stopped, and the one before it taken.

@@ -38,6 +38,7 @@ _STEPS = tuple(8.0 * 2.0 ** (-0.5 * k) for k in range(9))
 _TOLERANCES = tuple(1000.0 * 10.0 ** (-0.25 * k) for k in range(9))
 # The grid of the samples' interaction costs the same for a thousand samples and a hundred thousand:
 # there, steps are dear and samples cheap.
+_SAMPLES_OF_GRID = 200_000
 _SAMPLES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 _SAMPLE_STEPS = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0)
 _SAMPLE_TOLERANCES = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
@@ -96,7 +97,8 @@ def make_ladder(scene: Scene, model: str, scheme: SchemeName) -> Ladder:
         levels = _particle_levels(scene, scheme, _ENSEMBLES, steps)
     elif model == "mckean_vlasov":
         steps = _SAMPLE_STEPS if scheme == "paper" else _SAMPLE_TOLERANCES
-        levels = _particle_levels(scene, scheme, _SAMPLES, steps)
+        base = _SAMPLES_OF_GRID if scene.interaction is not None else 0
+        levels = _particle_levels(scene, scheme, _SAMPLES, steps, base)
     elif model.startswith("q_"):
         levels = _q_levels(scene)
     else:
@@ -141,9 +143,13 @@ def _q_levels(scene: Scene) -> list[Level]:
 
 
 def _particle_levels(
-    scene: Scene, scheme: SchemeName, ensembles: tuple[float, ...], steps: tuple[float, ...]
+    scene: Scene,
+    scheme: SchemeName,
+    ensembles: tuple[float, ...],
+    steps: tuple[float, ...],
+    base: int = 0,
 ) -> list[Level]:
-    """Ensembles and steps in units of the scene's own."""
+    """Ensembles and steps in units of the scene's own; a step costs as if there were `base` more."""
     key, own = (
         ("numerics.time_step", scene.numerics.time_step)
         if scheme == "paper"
@@ -153,6 +159,7 @@ def _particle_levels(
     levels = []
     for part, step in zip(ensembles, steps, strict=True):
         realisations = max(1, round(scene.particles.realisations * part))
-        values = {"particles.realisations": realisations, key: own * step}
-        levels.append(Level(changed(scene, values), realisations * step**power, 0.0))
+        values = {"particles.realisations": realisations, key: float(f"{own * step:.2g}")}
+        samples = realisations * scene.particles.number + base
+        levels.append(Level(changed(scene, values), samples * step**power, 0.0))
     return levels

@@ -1,6 +1,7 @@
 """What an error is made of: discretisation, closure, finite N and sampling.
 
-B(X) are the binned masses of a run X at one saved time (20 x 20 cells, or 60 angles), |.| the sum of
+B(X) are the binned masses of a run X at one saved time (20 x 20 cells, or 60 angles,
+see `compare.errors`), |.| the sum of
 absolute values over the bins, Y the yardstick: the exact solution where there is one, else the refined
 `mckean_vlasov`. E is the mean over realisations. Every part is an L1 distance:
 
@@ -39,7 +40,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compare.errors import ANGLE_BINS, DENSITY_CELLS, Errors
+from ellipsoid_coupling.compare.errors import ANGLE_BINS, DENSITY_CELLS, Errors, centred_angles
 from ellipsoid_coupling.histograms import FULL_TURN, particle_angles, particle_density
 from ellipsoid_coupling.result import Result
 
@@ -104,11 +105,8 @@ def bin_result(result: Result, group_size: int | None = None) -> Bins:
         area = result.scene.domain.width * result.scene.domain.height / DENSITY_CELLS**2
         times = result.times.size
         density = result.density(DENSITY_CELLS).reshape(1, times, -1) * area
-        return Bins(density, result.angle_distribution(ANGLE_BINS)[None] * _WIDTH, 0)
+        return Bins(density, centred_angles(result)[None], 0)
     return _bin_groups(result, group_size)
-
-
-_WIDTH = FULL_TURN / ANGLE_BINS
 
 
 def _bin_groups(result: Result, group_size: int) -> Bins:
@@ -124,11 +122,13 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
     area = domain.width * domain.height / DENSITY_CELLS**2
     density = np.empty((count, times, DENSITY_CELLS**2))
     angles = np.empty((count, times, ANGLE_BINS))
+    width = FULL_TURN / ANGLE_BINS
     for k in range(count):
         for t in range(times):
             found = particle_density(x[t, k], y[t, k], domain.x, domain.y, DENSITY_CELLS)
             density[k, t] = found.ravel() * area
-            angles[k, t] = particle_angles(angle[t, k], ANGLE_BINS) * _WIDTH
+            turned = angle[t, k] + 0.5 * width  # as in `centred_angles`
+            angles[k, t] = particle_angles(turned, ANGLE_BINS) * width
     return Bins(density, angles, size)
 
 

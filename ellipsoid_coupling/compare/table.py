@@ -82,7 +82,9 @@ def _lines(frontier: Frontier, row: FrontierRow) -> list[list[str]]:
         split: list[str] = []
         for name in PARTS:
             part = part_of(row.parts, name)
-            split += ["", ""] if part is None else [f"{part.density[i]:.6g}", f"{part.angle[i]:.6g}"]
+            split += (
+                ["", ""] if part is None else [f"{part.density[i]:.6g}", f"{part.angle[i]:.6g}"]
+            )
         numbers = (float(frontier.sampling.density[i]), float(frontier.sampling.angle[i]))
         seconds = f"{row.wall_seconds:.6g}"
         lines.append(

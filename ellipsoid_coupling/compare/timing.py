@@ -19,7 +19,7 @@ REPEATS = 3
 # Longer runs are timed once: what disturbs them is a small part of them.
 _SHORT = 2.0
 # A run is stopped when it takes so many times what it was allowed.
-_PATIENCE = 2.0
+_PATIENCE = 1.5
 # Part of the first save time that a warm-up runs to.
 _WARM_UP = 1e-3
 

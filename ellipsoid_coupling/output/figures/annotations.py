@@ -34,20 +34,23 @@ Point = tuple[float, float, str]
 _BOXES_PER_PIECE = 24
 
 
-def place_labels(axes: Axes, lines: Sequence[Sequence[Point]]) -> None:
+def place_labels(
+    axes: Axes, lines: Sequence[Sequence[Point]], others: Sequence[Sequence[Point]] = ()
+) -> None:
     """Write each point's text beside it, where it overlaps least with texts, lines and the frame.
 
     Parameters
     ----------
     axes : its limits are final
     lines : of points (x, y, text) in the axes' data
+    others : lines that are kept clear of, but not labelled
     """
     figure = axes.get_figure(root=True)
     if figure is None:
         return
     figure.draw_without_rendering()
     pixels = figure.dpi / 72.0
-    taken = [box for line in lines for box in _line_boxes(axes, line, pixels)]
+    taken = [box for line in (*lines, *others) for box in _line_boxes(axes, line, pixels)]
     for x, y, text in (point for line in lines for point in line):
         note = axes.annotate(
             text, (x, y), (0, 0), textcoords="offset points", fontsize=6.5, color="0.25"

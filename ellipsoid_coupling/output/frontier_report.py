@@ -12,7 +12,12 @@ from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
 from ellipsoid_coupling.compare.split import UNRESOLVED
 from ellipsoid_coupling.compare.table import part_of, write_table
-from ellipsoid_coupling.output.figures import PartBars, draw_frontier, draw_parts
+from ellipsoid_coupling.output.figures import (
+    UNRESOLVED_CLOSURE,
+    PartBars,
+    draw_frontier,
+    draw_parts,
+)
 from ellipsoid_coupling.output.files import whole_file
 from ellipsoid_coupling.output.labels import model_name
 from ellipsoid_coupling.output.tables import print_table, table_text
@@ -31,9 +36,9 @@ _LEGEND = """\
 Errors are L1 distances (2 is no overlap at all) on 20 x 20 density bins and 60 angle bins; the largest
 over the saved times. Parts: discretisation, against the same model refined; closure, the refined model
 against the yardstick; finite N, likewise for microscopic; sampling, expected from the spread over
-realisations. total <= sum of the parts. +- is the distance of the two levels that a grid model is
-extrapolated from, or a standard error; above {unresolved:g} the refined solution means little, and a
-closure part below it is not resolved.
+realisations. total <= sum of the parts. +- is the uncertainty of the refined grid solution (how far its
+finest levels still move), or a standard error; above {unresolved:g} the refined solution means little. A
+closure with a question mark is below it: that much may be discretisation still.
 """
 
 
@@ -90,12 +95,22 @@ def part_bars(frontier: Frontier) -> list[PartBars]:
     ]
 
 
+def is_resolved(row: FrontierRow, kind: Kind) -> bool:
+    """Whether the closure part is larger than the refined solution's uncertainty."""
+    closure = part_of(row.parts, "closure")
+    spread = part_of(row.parts, "discretisation_spread")
+    if closure is None:
+        return True
+    return spread is not None and _largest(closure, kind) > _largest(spread, kind)
+
+
 def _part_numbers(row: FrontierRow, kind: Kind) -> dict[str, float]:
     numbers = {"total": largest_error(row, kind)}
     for words, name in _PARTS.items():
         part = part_of(row.parts, name)
         if part is not None:
-            numbers[words] = _largest(part, kind)
+            known = name != "closure" or is_resolved(row, kind)
+            numbers[words if known else UNRESOLVED_CLOSURE] = _largest(part, kind)
     return numbers
 
 
@@ -154,7 +169,8 @@ def _part_row(row: FrontierRow, kind: Kind) -> tuple[str, ...]:
     cells = []
     for name in (*_PARTS.values(), "discretisation_spread"):
         part = part_of(row.parts, name)
-        cells.append("" if part is None else f"{_largest(part, kind):.4f}")
+        doubt = "?" if name == "closure" and not is_resolved(row, kind) else ""
+        cells.append("" if part is None else f"{_largest(part, kind):.4f}{doubt}")
     seconds = (f"{row.wall_seconds:.3g}", f"{row.median_seconds:.3g}")
     return (*head, *seconds, f"{largest_error(row, kind):.4f}", *cells)
 
@@ -177,17 +193,10 @@ def _print_frontier(frontier: Frontier) -> None:
         for row in frontier.rows
     ]
     sampling = frontier.sampling
-    rows.append(
-        (
-            "sampling error",
-            "",
-            "of the reference" if frontier.reference_name != "exact" else "of an ensemble",
-            numbers(tuple(sampling.density)),
-            numbers(tuple(sampling.angle)),
-            "",
-            "",
-        )
-    )
+    if sampling.density.max() > 0.0:
+        whose = "of an ensemble" if frontier.exact else "of the reference"
+        errors = (numbers(tuple(sampling.density)), numbers(tuple(sampling.angle)))
+        rows.append(("sampling error", "", whose, *errors, "", ""))
     against = _against(frontier)
     title = f"{frontier.reference.scene.title}: error against the {against} at t = {times}"
     print_table(title, _ROW_COLUMNS, rows)

@@ -13,11 +13,12 @@ from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
 from ellipsoid_coupling.output.figures.every import draw_all
 from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
-from ellipsoid_coupling.output.figures.parts import PartBars, draw_parts
+from ellipsoid_coupling.output.figures.parts import UNRESOLVED_CLOSURE, PartBars, draw_parts
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
 from ellipsoid_coupling.output.figures.stability import draw_stability
 
 __all__ = [
+    "UNRESOLVED_CLOSURE",
     "DecayCurve",
     "DensityRow",
     "PartBars",

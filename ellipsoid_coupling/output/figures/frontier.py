@@ -111,7 +111,7 @@ def _add_front(axes: Axes, rows: Sequence[ErrorRow], kind: Kind) -> None:
         linewidth=4.0,
         alpha=0.5,
         zorder=1,
-        label="front",
+        label="no other run is better",
     )
     low, high = axes.get_ylim()
     for target in TARGETS:

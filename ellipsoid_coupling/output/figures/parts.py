@@ -20,9 +20,11 @@ from ellipsoid_coupling.output.figures.canvas import (
 )
 
 # Told apart in grey print too; not those of the models.
+UNRESOLVED_CLOSURE = "closure, not resolved"
 _COLOURS = {
     "discretisation": "#4C6A92",
     "closure": "#B5482A",
+    UNRESOLVED_CLOSURE: "#EBCFC5",
     "finite N": "#8A7F2D",
     "sampling": "#A9B4C2",
 }

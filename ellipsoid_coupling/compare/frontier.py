@@ -7,6 +7,7 @@ models at three resolutions against the microscopic ensemble, without parts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -311,7 +312,9 @@ def _finest(ladder: Ladder, bench: Bench) -> tuple[Result, Result | None]:
         if last is not None and last.best * level.cost / cost > bench.longest:
             break
         try:
-            found = bench.run(ladder, level, repeats=1)
+            # There must be one: the first level may take as long as it needs.
+            allowed = bench if last is not None else replace(bench, longest=math.inf)
+            found = allowed.run(ladder, level, repeats=1)
         except RunError:
             if last is None:
                 raise

@@ -14,10 +14,11 @@ absolute values over the bins, Y the yardstick: the exact solution where there i
 so that, by the triangle inequality, total <= the sum of the parts. R is
 
     grids           B_1 + (B_1 - B_2)/((h_2/h_1)^p - 1), the finest run of the scheme `accurate` and
-                    the next that is half as wide again, p = 2 its order. Its uncertainty is |B_1 - B_2|,
-                    or, where the distances from level to level fall more slowly than by half, the sum
-                    of those still to come, |B_1 - B_2| q/(1 - q), q = |B_1 - B_2|/|B_2 - B_3|. Above
-                    some 0.1 R means little; a closure below it is not resolved
+                    the next that is half as wide again, p = 2 its order, no bin below 0. Its
+                    uncertainty is |B_1 - B_2| or, where the distances from level to level fall by
+                    less than half, the sum of those still to come, |B_1 - B_2| q/(1 - q) with
+                    q = |B_1 - B_2|/|B_2 - B_3|. Above some 0.1 R means little; a closure below it
+                    is not resolved
     microscopic     an ensemble with the scene's own number of realisations, a finer tolerance and
                     the same start positions
     mckean_vlasov   Y
@@ -145,14 +146,18 @@ def first_groups(bins: Bins, count: int) -> Bins:
 def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: int = ORDER) -> Bins:
     """Richardson: fine + (fine - coarse)/(ratio^order - 1), of runs without groups.
 
+    Bins that would become negative are set to 0, the others scaled down to the mass of `fine`.
+
     ratio : spacing of `coarse` over that of `fine`, above 1
     """
     weight = 1.0 / (ratio**order - 1.0)
-    return Bins(
-        fine.density + weight * (fine.density - coarse.density),
-        fine.angle + weight * (fine.angle - coarse.angle),
-        0,
-    )
+
+    def further(near: Floats, far: Floats) -> Floats:
+        found = np.maximum(near + weight * (near - far), 0.0)
+        mass, target = found.sum(axis=-1, keepdims=True), near.sum(axis=-1, keepdims=True)
+        return np.asarray(found * target / np.maximum(mass, 1e-300))
+
+    return Bins(further(fine.density, coarse.density), further(fine.angle, coarse.angle), 0)
 
 
 def remaining_distance(fine: Bins, middle: Bins, coarse: Bins | None) -> Errors:

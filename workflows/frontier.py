@@ -27,8 +27,8 @@ from ellipsoid_coupling.scenes.files import builtin_scenes
 from ellipsoid_coupling.simulate import scene_flow
 
 QUICK: dict[str, Any] = {"particles.number": 100, "particles.realisations": 8}
-# Larger particles need fewer harmonics; where the scene's own times are long, short ones.
-LARGE = {"particles.length": 0.3, "particles.width": 0.15}
+# Large particles and wide cells are less work, and so are short times.
+LARGE = {"particles.length": 0.3, "particles.width": 0.15, "numerics.cell": 0.1}
 QUICK_SCENES: dict[str, dict[str, Any]] = {
     "stationary": {"times": [0.5]},
     "top_bottom": LARGE | {"times": [0.5]},

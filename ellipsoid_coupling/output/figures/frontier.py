@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,6 +31,9 @@ from ellipsoid_coupling.output.figures.canvas import (
 from ellipsoid_coupling.output.figures.style import line_style
 from ellipsoid_coupling.output.labels import model_name
 
+# Of an error, from label to label on the front.
+_GAIN = 0.8
+
 Point = tuple[float, float, str]
 Lines = dict[tuple[str, str], list[Point]]
 
@@ -49,7 +53,7 @@ def frontier_lines(rows: Sequence[ErrorRow], kind: Kind) -> Lines:
 
 
 def short_resolution(text: str) -> str:
-    """A resolution for a label: "128 x 1000, 0.01" of "128 x 1000 particles, tolerance = 0.01"."""
+    """A resolution for a label: "128 x 1000, tol 0.01" of "128 x 1000 particles, tolerance = 0.01"."""
     for long, short in (
         (" particles", ""),
         ("tolerance = ", "tol "),
@@ -58,7 +62,7 @@ def short_resolution(text: str) -> str:
         (" angles", ""),
     ):
         text = text.replace(long, short)
-    return text
+    return re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.3g}", text)
 
 
 @styled
@@ -121,9 +125,13 @@ def _add_front(axes: Axes, rows: Sequence[ErrorRow], kind: Kind) -> None:
 
 
 def _label_front(axes: Axes, rows: Sequence[ErrorRow], kind: Kind, lines: Lines) -> None:
-    """The resolutions on the front, clear of every line: more labels would cover the lines."""
-    if lines:
-        place_labels(axes, [_front_points(rows, kind)], others=list(lines.values()))
+    """The resolutions on the front, clear of every line; those that gain little are not labelled."""
+    points = _front_points(rows, kind)
+    labelled = points[:1]
+    for point in points[1:]:
+        if point[1] < _GAIN * labelled[-1][1]:
+            labelled.append(point)
+    place_labels(axes, [labelled], others=list(lines.values()))
 
 
 def _add_line(axes: Axes, model: str, scheme: str, points: Sequence[Point]) -> None:

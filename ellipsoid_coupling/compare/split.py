@@ -17,8 +17,8 @@ so that, by the triangle inequality, total <= the sum of the parts. R is
                     the next that is half as wide again, p = 2 its order, no bin below 0. Its
                     uncertainty is |B_1 - B_2| or, where the distances from level to level fall by
                     less than half, the sum of those still to come, |B_1 - B_2| q/(1 - q) with
-                    q = |B_1 - B_2|/|B_2 - B_3|. Above some 0.1 R means little; a closure below it
-                    is not resolved
+                    q = |B_1 - B_2|/|B_2 - B_3|. Above some 0.1 R means little; a closure below
+                    three times it is not resolved
     microscopic     an ensemble with the scene's own number of realisations, a finer tolerance and
                     the same start positions
     mckean_vlasov   Y

@@ -30,6 +30,7 @@ _PARTS = {
     "finite N": "finite_n",
     "sampling": "sampling",
 }
+_RESOLVED = 3.0
 CHOICE_COLUMNS = ("error of", "at most", "cheapest", "scheme", "resolution", "seconds", "error")
 _ROW_COLUMNS = ("model", "scheme", "resolution", "density L1", "angle L1", "best s", "median s")
 _LEGEND = """\
@@ -38,7 +39,7 @@ over the saved times. Parts: discretisation, against the same model refined; clo
 against the yardstick; finite N, likewise for microscopic; sampling, expected from the spread over
 realisations. total <= sum of the parts. +- is the uncertainty of the refined grid solution (how far its
 finest levels still move), or a standard error; above {unresolved:g} the refined solution means little. A
-closure with a question mark is below it: that much may be discretisation still.
+closure with a question mark is less than three times it: that much may be discretisation still.
 """
 
 
@@ -96,12 +97,12 @@ def part_bars(frontier: Frontier) -> list[PartBars]:
 
 
 def is_resolved(row: FrontierRow, kind: Kind) -> bool:
-    """Whether the closure part is larger than the refined solution's uncertainty."""
+    """Whether the closure part is larger than three times the refined solution's uncertainty."""
     closure = part_of(row.parts, "closure")
     spread = part_of(row.parts, "discretisation_spread")
     if closure is None:
         return True
-    return spread is not None and _largest(closure, kind) > _largest(spread, kind)
+    return spread is not None and _largest(closure, kind) > _RESOLVED * _largest(spread, kind)
 
 
 def _part_numbers(row: FrontierRow, kind: Kind) -> dict[str, float]:

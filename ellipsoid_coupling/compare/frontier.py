@@ -278,7 +278,8 @@ def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]
         )
         for factor, cost in ((100.0, 1.0), (10.0, 1.3), (1.0, 2.0))
     ]
-    # Building the harmonics costs most of a run; what a sample costs is unknown before: too long a run is stopped, and the one before it taken.
+    # Building the harmonics costs most of a run; what a sample costs is unknown before: too long a
+    # run is stopped, and the one before it taken.
     most_of_all = changed(levels[-1].scene, {"particles.realisations": most})
     levels.append(Level(most_of_all, 4.0, 0.0))
     return _finest(Ladder("mckean_vlasov", "accurate", tuple(levels), False), bench)

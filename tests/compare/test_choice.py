@@ -63,8 +63,8 @@ def test_a_model_that_refuses_the_scene_is_left_out_and_named(
 ) -> None:
     """Without drag there is no diffusive limit."""
     monkeypatch.setattr(frontier_module, "_EXACT_SIDE", 64)
-    values = {"interaction": None, "times": [0.2], "flow.drag": 0.0}
-    scene = ec.load_scene("rotation", values)
+    values = {"interaction": None, "flow.drag": 0.0, "outer_potential.stiffness": 1.0}
+    scene = ec.load_scene("rotation", values | {"times": [0.2]})
     models = ("rho_mono_kinetic", "diffusive")
     frontier = run_frontier(scene, rotation_flow, models=models, longest=0.05)
     assert {r.model for r in frontier.rows} == {"rho_mono_kinetic"}

@@ -26,7 +26,11 @@ from ellipsoid_coupling.progress import ProgressReporter
 from ellipsoid_coupling.scenes.files import builtin_scenes
 from ellipsoid_coupling.simulate import scene_flow
 
-QUICK: dict[str, Any] = {"particles.number": 100, "particles.realisations": 8}
+QUICK: dict[str, Any] = {
+    "particles.number": 100,
+    "particles.realisations": 8,
+    "numerics.harmonics_tolerance": 0.2,
+}
 # Large particles and wide cells are less work, and so are short times.
 LARGE = {"particles.length": 0.3, "particles.width": 0.15, "numerics.cell": 0.1}
 QUICK_SCENES: dict[str, dict[str, Any]] = {

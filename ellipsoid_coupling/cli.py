@@ -199,27 +199,34 @@ def compare(
     out: Path | None = None,
     flow: Path | None = None,
     set_: Settings = None,
+    longest: float = 60.0,
 ) -> None:
-    """Errors against run time, as a table and a figure.
+    """Errors against run time, split into their parts, as tables and figures.
 
     Parameters
     ----------
     what
-        One scene (every model and scheme is run at three resolutions), or finished run folders.
+        One scene (every model that fits it is run with both schemes, coarse to fine), or finished
+        run folders.
     out
-        Folder of the table and the figure; results/... if left out.
+        Folder of the tables and figures; results/... if left out.
     flow
         As in `run`.
+    longest
+        Seconds that one run may take; finer levels are left out, and told.
     """
     from ellipsoid_coupling.compare.frontier import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
+    if not longest > 0.0:
+        raise InputError("--longest", "seconds above 0", f"{longest:g}", "Change it.")
     with ProgressReporter() as report:
         if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
             scene = _scene(what[0], set_)
-            frontier = run_frontier(scene, scene_flow(scene, flow, report), report=report)
+            field = scene_flow(scene, flow, report)
+            frontier = run_frontier(scene, field, longest=longest, report=report)
         else:
             results = [Result.load(path) for path in what]
             scene = results[0].scene

@@ -64,6 +64,7 @@ BAD: list[tuple[list[str], str]] = [
     (["plan", "cavity", "--model", "nonsense"], "microscopic"),
     (["flow", "no_such_case"], "no_such_case"),
     (["compare", "nowhere"], "nowhere"),
+    (["compare", "rotation", "--longest", "0"], "--longest"),
     (["figures", "nowhere"], "nowhere"),
     (["export", "nowhere"], "nowhere"),
     (["sail"], "sail"),

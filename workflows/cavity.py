@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ellipsoid_coupling import EllipsoidError, FlowField, Result, Scene, load_scene, simulate
-from ellipsoid_coupling.compare.frontier import Frontier, run_frontier
+from ellipsoid_coupling.compare.frontier import Frontier, short_frontier
 from ellipsoid_coupling.output.figures import (
     DensityRow,
     density_rows,
@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
         flow = scene_flow(scenes[0], None, report)
         assert flow is not None  # both scenes have [flow]
         frontiers = [
-            run_frontier(scene, flow, folder=folder / "runs", report=report) for scene in scenes
+            short_frontier(scene, flow, folder=folder / "runs", report=report) for scene in scenes
         ]
         walls = compare_walls(settings, flow, report)
         draw_pictures(frontiers, flow, folder, report)

@@ -1,16 +1,34 @@
 """How far results are apart, what they cost, and where the schemes stay stable."""
 
+from ellipsoid_coupling.compare.choice import Choice, choose, pareto_front
 from ellipsoid_coupling.compare.errors import Errors, errors_against, sampling_errors
-from ellipsoid_coupling.compare.frontier import FrontierRow, frontier_cases, run_frontier
+from ellipsoid_coupling.compare.frontier import (
+    Frontier,
+    FrontierRow,
+    compare_runs,
+    run_frontier,
+    short_cases,
+    short_frontier,
+)
 from ellipsoid_coupling.compare.reference import exact_reference, has_exact_reference
+from ellipsoid_coupling.compare.split import Parts
+from ellipsoid_coupling.compare.table import write_table
 
 __all__ = [
+    "Choice",
     "Errors",
+    "Frontier",
     "FrontierRow",
+    "Parts",
+    "choose",
+    "compare_runs",
     "errors_against",
     "exact_reference",
-    "frontier_cases",
     "has_exact_reference",
+    "pareto_front",
     "run_frontier",
     "sampling_errors",
+    "short_cases",
+    "short_frontier",
+    "write_table",
 ]

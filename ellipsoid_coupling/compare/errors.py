@@ -25,8 +25,20 @@ class Errors(NamedTuple):
     angle: Floats
 
 
+def centred_angles(result: Result) -> Floats:
+    """The masses of 60 angle bins centred on the multiples of 6 degrees, (T, 60), sum 1.
+
+    Particles start at multiples of a right angle and may stay there: on the edge of two bins, where
+    rounding decided between them.
+    """
+    halves = result.angle_distribution(2 * ANGLE_BINS) * FULL_TURN / (2 * ANGLE_BINS)
+    return halves[:, ::2] + np.roll(halves[:, 1::2], 1, axis=1)
+
+
 def errors_against(result: Result, reference: Result) -> Errors:
     """The distances of two results of the same scene, on 20 x 20 cells and 60 angles.
+
+    The angle bins are those of `centred_angles`.
 
     Raises
     ------
@@ -43,10 +55,8 @@ def errors_against(result: Result, reference: Result) -> Errors:
     domain = reference.scene.domain
     area = domain.width * domain.height / DENSITY_CELLS**2
     density = result.density(DENSITY_CELLS) - reference.density(DENSITY_CELLS)
-    angle = result.angle_distribution(ANGLE_BINS) - reference.angle_distribution(ANGLE_BINS)
-    return Errors(
-        np.abs(density).sum(axis=(1, 2)) * area, np.abs(angle).sum(axis=1) * FULL_TURN / ANGLE_BINS
-    )
+    angle = centred_angles(result) - centred_angles(reference)
+    return Errors(np.abs(density).sum(axis=(1, 2)) * area, np.abs(angle).sum(axis=1))
 
 
 def sampling_errors(ensemble: Result) -> Errors:

@@ -12,6 +12,14 @@ from rich.table import Table
 _LOG_WIDTH = 150
 
 
+def table_text(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table as plain text, columns as wide as their longest cell, for a file."""
+    widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
+    lines = [columns, ["-" * width for width in widths], *rows]
+    padded = [[c.ljust(w) for c, w in zip(line, widths, strict=True)] for line in lines]
+    return "\n".join("  ".join(cells).rstrip() for cells in padded) + "\n"
+
+
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table for people on standard output; in a log as wide as it needs."""
     table = Table(title=title, title_justify="left")

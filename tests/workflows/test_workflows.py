@@ -79,6 +79,34 @@ def test_the_papers_page_has_every_figure_and_verdict(
     _look_at_it_in_a_browser(folder)
 
 
+def test_the_frontier_of_a_scene_has_tables_pictures_and_choices(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One scene, tiny ensembles, a tenth of a second a run."""
+    arguments = ["--quick", "--scenes", "rotation", "--longest", "0.1", "--out", str(tmp_path)]
+    folder = workflow("frontier").main(arguments)
+    assert capsys.readouterr().out.strip().splitlines()[-1] == str(folder)
+    names = {path.name for path in folder.iterdir()}
+    pictures = {"error_against_run_time_rotation.png", "error_parts_rotation.png"}
+    assert names == pictures | {"errors.csv", "errors.txt", "frontier.md"}
+    rows = list(csv.DictReader((folder / "errors.csv").read_text().splitlines()))
+    models = ("mckean_vlasov", "microscopic", "q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic")
+    assert {row["model"] for row in rows} == {*models, "diffusive"}
+    assert {row["reference"] for row in rows} == {"mckean_vlasov"}
+    assert any(row["status"].startswith("not run: would take about") for row in rows)
+    split = [row for row in rows if row["discretisation_density"]]
+    assert split
+    for row in split:
+        parts = ("discretisation", "closure", "finite_n", "sampling")
+        total = sum(float(row[f"{part}_density"] or 0.0) for part in parts)
+        # The parts of random runs carry noise of their own.
+        assert float(row["density_error"]) < 1.05 * total + 0.1
+        assert float(row["best_seconds"]) <= float(row["median_seconds"])
+    lines = (folder / "frontier.md").read_text().splitlines()
+    assert len(lines) == 2 + 6
+    assert all(line.count("|") == 9 for line in lines)
+
+
 def _look_at_it_in_a_browser(folder: Path) -> None:
     """Headless Chromium, where installed (test.sh brings it): all pictures load, the page is not blank."""
     browser = shutil.which("chromium")

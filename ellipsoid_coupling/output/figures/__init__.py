@@ -13,12 +13,15 @@ from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
 from ellipsoid_coupling.output.figures.every import draw_all
 from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
+from ellipsoid_coupling.output.figures.parts import UNRESOLVED_CLOSURE, PartBars, draw_parts
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
 from ellipsoid_coupling.output.figures.stability import draw_stability
 
 __all__ = [
+    "UNRESOLVED_CLOSURE",
     "DecayCurve",
     "DensityRow",
+    "PartBars",
     "RateCurve",
     "common_maximum",
     "density_rows",
@@ -30,6 +33,7 @@ __all__ = [
     "draw_ellipses",
     "draw_flow",
     "draw_frontier",
+    "draw_parts",
     "draw_rates",
     "draw_sketch",
     "draw_stability",

@@ -8,6 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 # Where a label may stand, in points from its own; the earlier, the better.
 _PLACES = (
@@ -34,55 +37,63 @@ Point = tuple[float, float, str]
 _BOXES_PER_PIECE = 24
 
 
-def place_labels(axes: Axes, lines: Sequence[Sequence[Point]]) -> None:
+def place_labels(
+    axes: Axes, lines: Sequence[Sequence[Point]], others: Sequence[Sequence[Point]] = ()
+) -> None:
     """Write each point's text beside it, where it overlaps least with texts, lines and the frame.
 
     Parameters
     ----------
     axes : its limits are final
     lines : of points (x, y, text) in the axes' data
+    others : lines that are kept clear of, but not labelled
     """
     figure = axes.get_figure(root=True)
     if figure is None:
         return
     figure.draw_without_rendering()
     pixels = figure.dpi / 72.0
-    taken = [box for line in lines for box in _line_boxes(axes, line, pixels)]
+    drawn = [line for line in (*lines, *others) if line]
+    taken = np.concatenate([np.empty((0, 4)), *(_line_boxes(axes, x, pixels) for x in drawn)])
     for x, y, text in (point for line in lines for point in line):
         note = axes.annotate(
             text, (x, y), (0, 0), textcoords="offset points", fontsize=6.5, color="0.25"
         )
         # Labels are laid out last and must not push the axes that they were measured in.
         note.set_in_layout(False)
-        taken.append(_best_place(note, taken, axes.bbox))
+        taken = np.concatenate([taken, _best_place(note, taken, axes.bbox)])
 
 
-def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> list[Bbox]:
-    """Small boxes along a line, larger ones on its markers; `pixels` are those of a point."""
+def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> Floats:
+    """Small boxes along a line, larger ones on its markers, (boxes, 4) as `Bbox.extents`.
+
+    `pixels` are those of a point.
+    """
     places = axes.transData.transform([point[:2] for point in line])
     steps = np.arange((len(line) - 1) * _BOXES_PER_PIECE + 1) / _BOXES_PER_PIECE
     index = np.arange(len(line))
     along = np.stack([np.interp(steps, index, places[:, axis]) for axis in (0, 1)], axis=-1)
-    boxes = []
-    for centres, half in ((places, 3.5 * pixels), (along, 1.0 * pixels)):
-        boxes += [Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in centres]
-    return boxes
+    parts = ((places, 3.5 * pixels), (along, 1.0 * pixels))
+    return np.concatenate([np.hstack([centres - half, centres + half]) for centres, half in parts])
 
 
-def _best_place(note: Annotation, taken: Sequence[Bbox], frame: Bbox) -> Bbox:
-    """Move the note to the first place with the least overlap; the box that it takes there."""
+def _best_place(note: Annotation, taken: Floats, frame: Bbox) -> Floats:
+    """Move the note to the first place with the least overlap; the extents (1, 4) that it takes there."""
+    inside = np.array([frame.extents])
     trials = []
     for order, (right, up, side) in enumerate(_PLACES):
         note.set(position=(right, up), horizontalalignment=side)
         box = note.get_window_extent()
-        overlap = sum(_area(Bbox.intersection(box, other)) for other in taken)
-        outside = _area(box) - _area(Bbox.intersection(box, frame))
-        trials.append((overlap + outside, order, box))
+        outside = box.width * box.height - _overlap(box, inside)
+        trials.append((_overlap(box, taken) + outside, order, box))
     _, order, box = min(trials, key=lambda trial: trial[:2])
     right, up, side = _PLACES[order]
     note.set(position=(right, up), horizontalalignment=side)
-    return box
+    return np.array([box.extents])
 
 
-def _area(box: Bbox | None) -> float:
-    return 0.0 if box is None else float(box.width * box.height)
+def _overlap(box: Bbox, others: Floats) -> float:
+    """The area that a box shares with others (boxes, 4), summed over them."""
+    low = np.maximum(box.extents[:2], others[:, :2])
+    high = np.minimum(box.extents[2:], others[:, 2:])
+    return float(np.prod(np.clip(high - low, 0.0, None), axis=1).sum())

@@ -8,12 +8,14 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
+from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.output.figures import draw_frontier
+from ellipsoid_coupling.output.figures import PartBars, draw_frontier, draw_parts
 from ellipsoid_coupling.output.figures.frontier import frontier_figure, frontier_lines
+from ellipsoid_coupling.output.figures.parts import parts_figure
 
 
 @dataclass(frozen=True)
@@ -36,10 +38,11 @@ ROWS = [
 
 
 def test_lines_join_resolutions_by_run_time() -> None:
-    lines = frontier_lines(ROWS, "density", -1)
-    assert lines["rho_mono_kinetic", "paper"] == [(0.3, 0.8, "h = 0.02"), (2.0, 0.5, "h = 0.01")]
-    assert lines["microscopic", "accurate"] == [(2.2, 0.2, "tolerance = 0.1")]
-    assert frontier_lines(ROWS, "angle", 0)["rho_mono_kinetic", "accurate"][0][1] == 0.02
+    """The largest error over the saved times decides."""
+    lines = frontier_lines(ROWS, "density")
+    assert lines["rho_mono_kinetic", "paper"] == [(0.3, 0.8, "h 0.02"), (2.0, 0.5, "h 0.01")]
+    assert lines["microscopic", "accurate"] == [(2.2, 0.2, "9 x 9, tol 0.1")]
+    assert frontier_lines(ROWS, "angle")["rho_mono_kinetic", "accurate"][0][1] == 0.1
 
 
 def test_figure_has_all_lines_labels_and_the_band(tmp_path: Path) -> None:
@@ -49,11 +52,12 @@ def test_figure_has_all_lines_labels_and_the_band(tmp_path: Path) -> None:
         "rho, mono-kinetic, paper",
         "rho, mono-kinetic, accurate",
         "microscopic, accurate",
-        "Monte-Carlo error of an ensemble",
+        "no other run is better",
+        "Monte-Carlo error of the reference",
     ]
+    assert [len(axes.texts) for axes in figure.axes] == [3, 3]  # labels stand on the front only
     for axes in figure.axes:
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-        assert len(axes.texts) == 4
     assert draw_frontier(ROWS, tmp_path / "frontier.png").stat().st_size > 1000
 
 
@@ -69,3 +73,21 @@ def test_only_failed_runs_give_empty_axes_and_no_rows_an_error(tmp_path: Path) -
     assert draw_frontier(ROWS[-1:], tmp_path / "frontier.png").is_file()
     with pytest.raises(InputError, match="at least one row"):
         draw_frontier([], tmp_path / "frontier.png")
+
+
+def test_parts_are_bars_beside_each_other(tmp_path: Path) -> None:
+    """Bars reach to their values, one colour a part, a line at the total."""
+    groups = [
+        PartBars(
+            "rho\npaper", {"total": 0.5, "discretisation": 0.4, "closure": 0.2}, {"total": 0.1}
+        ),
+        PartBars("micro", {"total": 0.1, "finite N": 0.05, "sampling": 0.0}, {"total": 0.1}),
+    ]
+    figure = parts_figure(groups, "Cavity")
+    density = figure.axes[0]
+    ends = [bar.get_x() + bar.get_width() for bar in density.patches if isinstance(bar, Rectangle)]
+    assert {0.4, 0.2, 0.05} <= {round(end, 6) for end in ends}
+    assert [tick.get_text() for tick in density.get_yticklabels()] == ["rho\npaper", "micro"]
+    assert draw_parts(groups, tmp_path / "parts.png").stat().st_size > 1000
+    with pytest.raises(InputError, match="error parts"):
+        draw_parts([], tmp_path / "parts.png")

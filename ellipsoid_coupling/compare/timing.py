@@ -1,0 +1,108 @@
+"""How long a run takes: the bare computation, compiled and warm, best and median of a few repeats."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ellipsoid_coupling.compare.ladder import Ladder, Level, changed
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.simulation import Report, simulate
+
+REPEATS = 3
+# Longer runs are timed once: what disturbs them is a small part of them.
+_SHORT = 2.0
+# A run is stopped when it takes so many times what it was allowed.
+_PATIENCE = 1.5
+# Part of the first save time that a warm-up runs to.
+_WARM_UP = 1e-3
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A run and its seconds: the least, the median, and of how many repeats."""
+
+    result: Result
+    best: float
+    median: float
+    repeats: int
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where runs are timed.
+
+    flow : of all runs; None without fluid
+    seed : of all runs
+    longest : seconds that a run may take
+    report : told stages and their parts
+    """
+
+    flow: FlowField | None
+    seed: int
+    longest: float
+    report: Report | None = None
+
+    def tell(self, stage: str, part: float) -> None:
+        """Pass on how far a stage is."""
+        if self.report is not None:
+            self.report(stage, part)
+
+    def warm_up(self, ladder: Ladder, scene: Scene | None = None) -> None:
+        """A very short run of the coarsest level (or `scene`): kernels compiled or loaded.
+
+        A run that fails here is left to fail where it is counted.
+
+        Raises
+        ------
+        InputError
+            If the model does not fit the scene.
+        """
+        coarse = ladder.levels[0].scene if scene is None else scene
+        short = changed(coarse, {"times": [coarse.times[0] * _WARM_UP]})
+        self.tell(f"{ladder.model}, {ladder.scheme}: warm-up", 0.0)
+        with contextlib.suppress(RunError):
+            simulate(short, ladder.model, ladder.scheme, flow=self.flow, seed=self.seed)
+
+    def run(self, ladder: Ladder, level: Level, repeats: int = REPEATS) -> Timed:
+        """Time a level; a short run as often as `repeats`.
+
+        Raises
+        ------
+        RunError
+            If the run fails, or is stopped since it takes too long.
+        """
+        seconds: list[float] = []
+        while True:
+            result = self._once(ladder, level)
+            seconds.append(float(result.attributes["wall_seconds"]))
+            if len(seconds) >= repeats or seconds[0] > _SHORT:
+                break
+        return Timed(result, min(seconds), float(np.median(seconds)), len(seconds))
+
+    def _once(self, ladder: Ladder, level: Level) -> Result:
+        # The clock starts with the first report: compiling comes before it.
+        started: list[float] = []
+
+        def watch(stage: str, part: float) -> None:
+            now = time.perf_counter()
+            if not started:
+                started.append(now)
+            if part < 1.0 and now - started[0] > _PATIENCE * self.longest:
+                raise RunError(f"stopped at {part:.0%} after {now - started[0]:.0f} s")
+            self.tell(stage, part)
+
+        return simulate(
+            level.scene,
+            ladder.model,
+            ladder.scheme,
+            flow=self.flow,
+            seed=self.seed,
+            report=watch,
+        )

@@ -215,7 +215,7 @@ def compare(
     longest
         Seconds that one run may take; finer levels are left out, and told.
     """
-    from ellipsoid_coupling.compare.frontier import compare_runs, run_frontier
+    from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow

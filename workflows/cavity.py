@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ellipsoid_coupling import EllipsoidError, FlowField, Result, Scene, load_scene, simulate
-from ellipsoid_coupling.compare.frontier import Frontier, short_frontier
+from ellipsoid_coupling.compare import Frontier, short_frontier
 from ellipsoid_coupling.output.figures import (
     DensityRow,
     density_rows,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,6 +39,7 @@ class Page:
     pictures: list[tuple[str, str]] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
     runs: list[tuple[str, ...]] = field(default_factory=list)
+    started: float = field(default_factory=time.perf_counter)
 
     def add(self, picture: Path, caption: str) -> None:
         """A picture with its caption."""
@@ -88,9 +90,12 @@ class Page:
             for name, caption in self.pictures
         )
         size = "small ensembles and wide cells" if self.quick else "the paper's resolutions"
+        minutes = (time.perf_counter() - self.started) / 60.0
+        running = sum(float(run[4]) for run in self.runs if run[4]) / 60.0
         text = (
             f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>The paper again</title>'
-            f"<style>{_STYLE}</style></head><body><h1>The paper again</h1><p>At {size}.</p>"
+            f"<style>{_STYLE}</style></head><body><h1>The paper again</h1><p>At {size}. "
+            f"Made in {minutes:.1f} minutes, {running:.1f} of them the runs below.</p>"
             f"<h2>Statements</h2><table>"
             f"<tr><th>statement</th><th></th><th>evidence</th></tr>{rows}</table>"
             "<h2>Runs</h2><table><tr><th>scene</th><th>model</th><th>scheme</th><th>resolution</th>"

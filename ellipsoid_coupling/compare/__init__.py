@@ -5,12 +5,10 @@ from ellipsoid_coupling.compare.errors import Errors, errors_against, sampling_e
 from ellipsoid_coupling.compare.frontier import (
     Frontier,
     FrontierRow,
-    compare_runs,
     run_frontier,
-    short_cases,
-    short_frontier,
 )
 from ellipsoid_coupling.compare.reference import exact_reference, has_exact_reference
+from ellipsoid_coupling.compare.short import compare_runs, short_cases, short_frontier
 from ellipsoid_coupling.compare.split import Parts
 from ellipsoid_coupling.compare.table import write_table
 

@@ -27,14 +27,18 @@ from ellipsoid_coupling.interaction.angle_spectra import (
     distinct_angles,
 )
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
-from ellipsoid_coupling.interaction.spectra import LANES, Indices, Precision, Real, stride
+from ellipsoid_coupling.interaction.spectra import (
+    LANES,
+    LEAST_SINGLE_TOLERANCE,
+    Indices,
+    Precision,
+    Real,
+    stride,
+)
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
 
 Complex = NDArray[np.complexfloating]
-
-# Below, single precision would show.
-_LEAST_SINGLE_TOLERANCE = 2e-6
 
 
 class AngleForces(NamedTuple):
@@ -78,7 +82,7 @@ class AngleGridInteraction:
         eps0.
     quantity : "forces" or "potential"
     tolerance : float
-        Relative to the largest value. From 2e-6 on, single precision is taken.
+        Relative to the largest value. From 1e-4 on, single precision is taken.
 
     Raises
     ------
@@ -100,7 +104,7 @@ class AngleGridInteraction:
         self.angles = distinct_angles(grid_shape[0], shape)
         scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
         sign = -1.0 if quantity == "forces" else 1.0
-        single = tolerance >= _LEAST_SINGLE_TOLERANCE
+        single = tolerance >= LEAST_SINGLE_TOLERANCE
         self._precision: Precision = np.float32 if single else np.float64
         self._spectra = angle_spectra(grid_shape, h, shape, sign * scale, quantity, self._precision)
 

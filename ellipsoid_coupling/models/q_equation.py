@@ -186,7 +186,7 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     if scene.interaction is not None:
         strength = scene.interaction.strength
         interaction = AngleGridInteraction(
-            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, quantity)
+            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, pressure)
         )
     return QSystem(
         grid=grid,
@@ -201,10 +201,10 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     )
 
 
-def _tolerance(scene: Scene, quantity: Quantity) -> float:
-    """What the interaction may be off by; equilibria that stay to rounding need all digits."""
+def _tolerance(scene: Scene, pressure: float) -> float:
+    """What the interaction may be off by; pressure has equilibria, which stay with all digits only."""
     numerics = scene.numerics
-    exact = numerics.interaction == "direct" or quantity == "potential"
+    exact = numerics.interaction == "direct" or pressure > 0.0
     return 0.0 if exact else numerics.harmonics_tolerance
 
 

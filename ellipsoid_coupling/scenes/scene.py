@@ -146,8 +146,9 @@ class Numerics(Part):
     `cell` is h of the grids, `angle_cells` the number of cells in [0, 2 pi); `time_step` is the
     particles' step in the scheme `paper`, `tolerance` the error that the scheme `accurate` allows a
     particle step (in particle lengths and radian); `cfl` is the CFL number of the grids;
-    `interaction` chooses how a grid's interaction integral is summed and `harmonics_tolerance` how
-    exactly (relative to the largest possible force).
+    `interaction` chooses how a grid's interaction integral is summed ("direct": to rounding) and
+    `harmonics_tolerance` how exactly (relative to the largest possible force; from 1e-4 on in single
+    precision).
     """
 
     cell: Positive

@@ -9,6 +9,11 @@ from ellipsoid_coupling.scenes.scene import Scene
 # Models whose unknown is a density without random motion: noise enters them as damping only.
 _CLOSED_MODELS = ("q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic", "diffusive")
 
+# Models whose equilibria stay to rounding, so that their interaction is summed with all digits.
+_EXACT_MODELS = ("q_maxwellian", "stationary_state")
+# From here on, rounding in single precision (1e-6) is far below what is allowed.
+_LEAST_SINGLE_TOLERANCE = 1e-4
+
 
 class Terms(NamedTuple):
     """The terms of the equations that a scene switches on."""
@@ -41,14 +46,26 @@ def terms_of(scene: Scene, model: str = "microscopic") -> Terms:
 def explain_terms(scene: Scene, model: str = "microscopic") -> list[Term]:
     """Every term with its verdict and the reason, in the order of the equations."""
     return [
-        *_fluid_and_pairs(scene),
+        *_fluid_and_pairs(scene, model),
         *_surroundings(scene),
         *_noise_terms(scene, model),
         _angle_term(scene),
     ]
 
 
-def _fluid_and_pairs(scene: Scene) -> list[Term]:
+def _how_summed(scene: Scene, model: str) -> str:
+    """How exactly a model sums the interaction, and in which precision."""
+    numerics = scene.numerics
+    if model == "microscopic":
+        return "pair by pair"
+    if numerics.interaction == "direct" or model in _EXACT_MODELS:
+        return "to rounding"
+    tolerance = numerics.harmonics_tolerance
+    precision = "single" if tolerance >= _LEAST_SINGLE_TOLERANCE else "double"
+    return f"within {tolerance:g} of its largest value, {precision} precision"
+
+
+def _fluid_and_pairs(scene: Scene, model: str) -> list[Term]:
     flow = scene.flow
     torque = scene.interaction is not None and not scene.particles.is_circle
     why_torque = (
@@ -69,7 +86,7 @@ def _fluid_and_pairs(scene: Scene) -> list[Term]:
         Term(
             "interaction",
             scene.interaction is not None,
-            f"strength {scene.interaction.strength:g}, scaled with 1/N"
+            f"strength {scene.interaction.strength:g}, {_how_summed(scene, model)}"
             if scene.interaction
             else "no [interaction]: no neighbour list, no kernel spectra",
         ),

@@ -12,6 +12,7 @@ import pytest
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare import (
+    compare_runs,
     errors_against,
     exact_reference,
     has_exact_reference,
@@ -21,7 +22,6 @@ from ellipsoid_coupling.compare import (
     stability,
     write_table,
 )
-from ellipsoid_coupling.compare.frontier import compare_runs
 from ellipsoid_coupling.compare.stability import map_stability, write_stability
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.scenes import (
     builtin_scenes,
     explain_terms,
@@ -16,6 +17,7 @@ from ellipsoid_coupling.scenes import (
     scene_to_toml,
     terms_of,
 )
+from ellipsoid_coupling.scenes import terms as terms_module
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
@@ -119,3 +121,22 @@ def test_noise_runs_in_particles_and_only_damps_in_closures() -> None:
 def test_every_term_has_a_reason() -> None:
     for name in builtin_scenes():
         assert all(term.why for term in explain_terms(load_scene(name)))
+
+
+@pytest.mark.parametrize(
+    ("model", "settings", "words"),
+    [
+        ("microscopic", {}, "pair by pair"),
+        ("rho_mono_kinetic", {}, "within 0.02 of its largest value, single precision"),
+        ("q_mono_kinetic", {"numerics.harmonics_tolerance": 1e-5}, "double precision"),
+        ("q_mono_kinetic", {"numerics.interaction": "direct"}, "to rounding"),
+        ("q_maxwellian", {}, "to rounding"),
+    ],
+)
+def test_plan_tells_how_exactly_interaction_is_summed(
+    model: str, settings: dict[str, object], words: str
+) -> None:
+    terms = explain_terms(load_scene("top_bottom", settings), model)
+    assert words in next(term.why for term in terms if term.name == "interaction")
+    # scenes/ imports nothing: the number stands twice.
+    assert terms_module._LEAST_SINGLE_TOLERANCE == LEAST_SINGLE_TOLERANCE

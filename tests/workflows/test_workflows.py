@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import json
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 import matplotlib.image
+import numpy as np
 import pytest
 import pyvista
 
@@ -105,6 +107,20 @@ def test_the_frontier_of_a_scene_has_tables_pictures_and_choices(
     lines = (folder / "frontier.md").read_text().splitlines()
     assert len(lines) == 2 + 6
     assert all(line.count("|") == 9 for line in lines)
+
+
+def test_the_benchmark_has_a_row_for_everything_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tiny sizes: the numbers mean nothing, but fast and slow ways must agree."""
+    monkeypatch.syspath_prepend(str(WORKFLOWS))
+    told = json.loads(workflow("benchmark").main(["--quick", "--out", str(tmp_path)]).read_text())
+    assert all(value > 0.0 for value in told["limits"].values())
+    numbers = [row["numbers"] for row in told["rows"]]
+    assert len(numbers) == 12
+    assert all(np.isfinite(value) for row in numbers for value in row.values())
+    assert max(row["error"] for row in numbers if "error" in row) < 1e-12
+    assert max(row["apart"] for row in numbers if "apart" in row) < 1e-12
 
 
 def _look_at_it_in_a_browser(folder: Path) -> None:

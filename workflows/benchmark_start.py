@@ -1,4 +1,4 @@
-"""How long a user waits: for help, for the first step, for the first compile."""
+"""What a user waits for and needs: help, the first step, the first compile, memory."""
 
 from __future__ import annotations
 
@@ -25,6 +25,30 @@ def wall(arguments: Sequence[str], cache: Path | None = None) -> float:
     return time.perf_counter() - started
 
 
+# Particles so small that a million have some 40 neighbours each.
+_MEMORY = """
+import resource, sys
+import ellipsoid_coupling as ec
+settings = {"particles.number": int(sys.argv[1]), "particles.realisations": 1, "times": [1e-4]}
+size = {"particles.length": 0.005, "particles.width": 0.0025}
+ec.simulate(ec.load_scene("top_bottom", settings | size), "microscopic")
+print(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def bytes_a_particle(few: int, many: int) -> float:
+    """What the peak memory of a whole run grows by, start and result included."""
+    peaks = [
+        int(
+            subprocess.run(
+                (sys.executable, "-c", _MEMORY, str(n)), check=True, capture_output=True
+            ).stdout
+        )
+        for n in (few, many)
+    ]
+    return (peaks[1] - peaks[0]) / (many - few)
+
+
 def start_rows(sizes: Sizes) -> Iterator[Row]:
     """Rows of whole processes; none at `--quick`."""
     if not sizes.start:
@@ -38,6 +62,14 @@ def start_rows(sizes: Sizes) -> Iterator[Row]:
             run = ["run", "top_bottom", "--model", model, *settings]
             compiled[model] = wall([*run, "--out", f"{folder}/{model}"], cache)
             again[model] = wall([*run, "--out", f"{folder}/{model}-again"], cache)
+    each = bytes_a_particle(10_000, 1_000_000)
+    yield Row(
+        "microscopic, peak memory of a run, N = 1e+06",
+        "stated",
+        f"{each:.0f} bytes a particle",
+        "state, trial step, sorted copies, start and result",
+        {"bytes": each},
+    )
     yield Row("ellipsoid --help", "0.3 s", f"{help_:.2f} s", "", {"seconds": help_})
     yield Row(
         "a run of one step, whole process",

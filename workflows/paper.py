@@ -238,7 +238,10 @@ def cavity(page: Page) -> None:
         Verdict(
             "7a. Cavity without interaction: good agreement, slight angular differences at t = 5",
             bool(errors.density[0] < 0.1),
-            f"L1 density {np.round(errors.density, 3)}, angle {np.round(errors.angle, 3)}",
+            "L1 distance at the three times: density "
+            + ", ".join(f"{error:.3f}" for error in errors.density)
+            + "; angle "
+            + ", ".join(f"{error:.3f}" for error in errors.angle),
         )
     )
     full = run_models(page, "cavity", models)

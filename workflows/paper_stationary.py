@@ -124,8 +124,8 @@ def _judge_decay(page: Page, lines: list[DecayCurve], floor: float) -> None:
         Verdict(
             "1. Stationary: oscillating decay for A = B below 1, monotone above, fastest in between",
             holds,
-            f"q_maxwellian: times the distance grew by a tenth {grown}; fitted rates "
-            + ", ".join(f"{a:g}: {r:.3f}" for a, r in rate.items()),
+            "q_maxwellian, A = B: times the distance grew by a tenth, fitted rate - "
+            + "; ".join(f"{a:g}: {grown[a]}, {r:.3f}" for a, r in rate.items()),
         )
     )
 

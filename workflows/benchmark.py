@@ -26,6 +26,7 @@ from benchmark_start import start_rows
 from benchmark_tools import Row, Sizes, limits
 
 from ellipsoid_coupling import EllipsoidError
+from ellipsoid_coupling.output.files import whole_file
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
@@ -63,15 +64,14 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     columns = ("work", "aim", "measured", "beside it")
     print_table(f"{os.cpu_count()} cores; {title}", columns, [row.words for row in rows])
     path = folder / "benchmark.json"
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     told = {
         "machine": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "limits": machine,
         "rows": [row._asdict() for row in rows],
     }
-    beside.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-    beside.replace(path)
+    with whole_file(path) as beside:
+        beside.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(f"{folder}\n")
     return path
 

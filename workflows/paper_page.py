@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import html
-import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ellipsoid_coupling import Result
+from ellipsoid_coupling.output.files import whole_file
 from ellipsoid_coupling.progress import ProgressReporter
 
 _STYLE = """
@@ -102,7 +102,6 @@ class Page:
             f"<th>seconds</th><th></th></tr>{runs}</table><h2>Figures</h2>{figures}</body></html>\n"
         )
         path = self.folder / "index.html"
-        beside = self.folder / f".index.{os.getpid()}"
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        with whole_file(path) as beside:
+            beside.write_text(text, encoding="utf-8")
         return path

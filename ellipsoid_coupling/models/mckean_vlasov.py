@@ -5,8 +5,8 @@
     domega = [gamma_bar (g - omega) - 1/I_c int dU/dtheta f - dV2/dtheta - (B^2/2) omega] dt + B dW
 
 f is the density of S samples, S = particles.number * realisations. Without noise they start evenly
-spread over the start box (a square number of them, as near to S as there is); their paths then are
-quadrature points of f, and the error falls like 1/S. With noise they start at random and draw what
+spread over the start box (a square number of them, as near to S as there is) or all lie at
+start.points; their paths then are quadrature points of f, and the error falls like 1/S. With noise they start at random and draw what
 realisation k, particle i of `microscopic` draws, so that the two can be compared path by path, in the
 scheme `paper` step by step; the error falls like 1/sqrt(S).
 
@@ -30,13 +30,15 @@ from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.parts import (
     particle_snapshot,
+    random_points,
     scene_drift,
     scene_limits,
     scene_rates,
+    start_at_rest,
 )
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import (
     CLOCK_COLUMNS,
     OUTSIDE,
@@ -66,16 +68,6 @@ def even_points(scene: Scene, samples: int) -> Floats:
     return np.stack(np.meshgrid(x, y), axis=1)
 
 
-def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
-    """Where `microscopic` starts: (realisations, 2, N)."""
-    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
-    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
-    number = scene.particles.number
-    return np.array(
-        [low + (high - low) * start_positions(seed, k, number) for k in range(realisations)]
-    )
-
-
 def start_state(setup: Setup) -> ParticleState:
     """All samples at rest, at the start angle; blocks are rows of points or realisations."""
     scene, realisations = setup.scene, setup.realisations
@@ -83,11 +75,8 @@ def start_state(setup: Setup) -> ParticleState:
         points = random_points(scene, setup.seed, realisations)
     else:
         points = even_points(scene, scene.particles.number * realisations)
-    blocks, _, size = points.shape
-    place = np.full((blocks, 3 if setup.terms.angle else 2, size), scene.start.angle)
-    place[:, :2] = points
-    zeros = np.zeros_like(place)
-    return ParticleState(place, zeros, zeros.copy(), np.zeros((1, CLOCK_COLUMNS)), None)
+    place, velocity = start_at_rest(setup, points)
+    return ParticleState(place, velocity, velocity.copy(), np.zeros((1, CLOCK_COLUMNS)), None)
 
 
 @kernel
@@ -209,7 +198,7 @@ class McKeanVlasov:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""
-        blocks = particle_snapshot(self._state, self._setup.scene.start.angle)
+        blocks = particle_snapshot(self._state, self._setup.scene)
         return {name: values.reshape(1, -1) for name, values in blocks.items()}
 
     def state(self) -> Arrays:

@@ -17,11 +17,13 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.parts import (
     particle_snapshot,
+    random_points,
     scene_drift,
     scene_limits,
     scene_rates,
+    start_at_rest,
 )
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import (
     CLOCK_COLUMNS,
@@ -42,18 +44,12 @@ _STEPS_PER_CALL = 16
 
 
 def start_state(setup: Setup) -> ParticleState:
-    """All realisations at rest, evenly random in the start box, at the start angle."""
-    scene, realisations = setup.scene, setup.realisations
-    number = scene.particles.number
-    shape = (realisations, 3 if setup.terms.angle else 2, number)
-    place = np.empty(shape)
-    place[:, 2:] = scene.start.angle
-    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
-    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
-    for k in range(realisations):
-        place[k, :2] = low + (high - low) * start_positions(setup.seed, k, number)
-    clock = np.zeros((realisations, CLOCK_COLUMNS))
-    return ParticleState(place, np.zeros(shape), np.zeros(shape), clock, None)
+    """All realisations at rest, evenly random in the start box or at start.points."""
+    place, velocity = start_at_rest(
+        setup, random_points(setup.scene, setup.seed, setup.realisations)
+    )
+    clock = np.zeros((setup.realisations, CLOCK_COLUMNS))
+    return ParticleState(place, velocity, velocity.copy(), clock, None)
 
 
 class Microscopic:
@@ -113,7 +109,7 @@ class Microscopic:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (R, N)."""
-        return particle_snapshot(self._state, self._setup.scene.start.angle)
+        return particle_snapshot(self._state, self._setup.scene)
 
     def state(self) -> Arrays:
         """Positions, velocities, drift, clocks and the number of noise blocks used."""

@@ -29,7 +29,7 @@ from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.balanced import BalancedHeun
 from ellipsoid_coupling.schemes.crossing import CrossingDetector
-from ellipsoid_coupling.schemes.grid import scene_grid, start_density
+from ellipsoid_coupling.schemes.grid import cell_of, scene_grid, start_density
 from ellipsoid_coupling.schemes.q_grid import (
     QOMEGA,
     QVX,
@@ -179,9 +179,7 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     if turns:
         check_angles(scene.name, grid.angles)
     fields = np.zeros((4 if terms.angle else 3, *grid.padded))
-    density = start_density(grid.plane, scene) / grid.angle_width
-    parts = start_angles(grid, scene.start.angle)
-    inside(fields)[Q] = parts[:, None, None] * density
+    inside(fields)[Q] = _start(grid, scene)
     interaction = None
     if scene.interaction is not None:
         strength = scene.interaction.strength
@@ -199,6 +197,18 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
         interaction=interaction,
         walls=_wall_forces(scene, grid, shape),
     )
+
+
+def _start(grid: QGrid, scene: Scene) -> Floats:
+    """The density at the start, (na, ny, nx): that of the plane at the start angle, or the points."""
+    places = scene.start.places()
+    if not places:
+        density = start_density(grid.plane, scene) / grid.angle_width
+        return start_angles(grid, scene.start.own_angle)[:, None, None] * density
+    start = np.zeros(grid.shape)
+    for x, y, angle in places:
+        start[(slice(None), *cell_of(grid.plane, x, y))] += start_angles(grid, angle)
+    return np.asarray(start / (len(places) * grid.volume))
 
 
 def _tolerance(scene: Scene, pressure: float) -> float:

@@ -20,7 +20,13 @@ from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.grid import Grid, interior, scene_grid, start_density
+from ellipsoid_coupling.schemes.grid import (
+    Grid,
+    interior,
+    scene_grid,
+    start_angle,
+    start_density,
+)
 from ellipsoid_coupling.schemes.sources import (
     ANGLE,
     MOMENTUM_X,
@@ -65,8 +71,9 @@ class RGridEquation:
         self._splitting = splitting
         self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
         interior(self.fields)[RHO] = start_density(self.grid, scene)
+        self._start_angle = start_angle(self.grid, scene)
         if setup.terms.angle:
-            self.fields[ANGLE] = self.fields[RHO] * scene.start.angle
+            interior(self.fields)[ANGLE] = interior(self.fields)[RHO] * self._start_angle
         self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
         self._clock = np.zeros(3)
         self._mass_start = self._mass()
@@ -114,7 +121,7 @@ class RGridEquation:
     def _mean_angle(self) -> Floats:
         if self._setup.terms.angle:
             return self._carried(ANGLE)
-        return np.full(self.grid.shape, self._setup.scene.start.angle)
+        return self._start_angle.copy()
 
     def advance(self, until: float) -> None:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
@@ -153,7 +160,7 @@ class RGridEquation:
         turns = self._setup.terms.angle
         return {
             "density": interior(self.fields)[RHO].copy(),
-            "mean_angle": self._mean_angle(),
+            "mean_angle": self._mean_angle() + self._setup.scene.start.turns,
             "velocity_x": self._carried(MOMENTUM_X),
             "velocity_y": self._carried(MOMENTUM_Y),
             "angular_velocity": self._carried(SPIN) if turns else np.zeros(self.grid.shape),

@@ -7,7 +7,8 @@ radian.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+import math
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
@@ -15,6 +16,8 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=1)]
 Interval = Annotated[tuple[float, float], Strict(False)]
+Point = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=3)]
+Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
 Sides = Annotated[tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False)]
 
 
@@ -80,17 +83,69 @@ class Particles(Part):
 
 
 class Start(Part):
-    """The start box Omega_0, filled evenly, and the start angle; all particles start at rest."""
+    """Where the particles start, at rest: the box Omega_0, filled evenly, and the start angle.
+
+    Or `points`, one [x, y] or [x, y, angle] a particle (of one realisation), at `angle` where none
+    is given; x and y then are the box around them, and may be left out.
+    """
 
     x: Interval
     y: Interval
     angle: float = 0.0
+    points: Points | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _box_of_points(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or not values.get("points"):
+            return values
+        try:
+            columns = [[float(point[d]) for point in values["points"]] for d in (0, 1)]
+        except (TypeError, ValueError, LookupError):
+            return values  # what is wrong with the points is told with their own key
+        boxes = {name: (min(c), max(c)) for name, c in zip("xy", columns, strict=True)}
+        return boxes | values
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _require_interval("x", self.x)
-        _require_interval("y", self.y)
+        if self.points is None:
+            _require_interval("x", self.x)
+            _require_interval("y", self.y)
+            return self
+        for d, (low, high) in enumerate((self.x, self.y)):
+            if not all(low <= point[d] <= high for point in self.points):
+                raise ValueError(f"points within {'xy'[d]} = {[low, high]}")
         return self
+
+    @property
+    def turns(self) -> float:
+        """Whole turns in the (first point's) angle, radian; 0 up to half a turn.
+
+        Models keep angles less this and add it to what they show: 1e9 + dt omega would lose digits.
+        """
+        angles = [point[2] for point in self.points or () if len(point) == 3]
+        first = angles[0] if angles else self.angle
+        # sin and cos of the angle itself: 2 pi rounded, times the turns, would be off.
+        return first - math.atan2(math.sin(first), math.cos(first)) if abs(first) > math.pi else 0.0
+
+    def _less_turns(self, angle: float) -> float:
+        turns = self.turns
+        if turns == 0.0:
+            return angle
+        part = math.atan2(math.sin(angle), math.cos(angle))
+        return part + 2.0 * math.pi * round((angle - turns - part) / (2.0 * math.pi))
+
+    @property
+    def own_angle(self) -> float:
+        """`angle` less `turns`."""
+        return self._less_turns(self.angle)
+
+    def places(self) -> list[tuple[float, float, float]]:
+        """(x, y, angle less `turns`) of every one of `points`; empty without them."""
+        return [
+            (p[0], p[1], self._less_turns(p[2] if len(p) == 3 else self.angle))
+            for p in self.points or ()
+        ]
 
 
 class Flow(Part):
@@ -189,4 +244,7 @@ class Scene(Part):
             box, domain = getattr(self.start, axis), getattr(self.domain, axis)
             if box[0] < domain[0] or box[1] > domain[1]:
                 raise ValueError(f"start.{axis} within domain.{axis} {domain}, not {box}")
+        points = self.start.points
+        if points is not None and len(points) != self.particles.number:
+            raise ValueError(f"particles.number = {len(points)}, the number of start.points")
         return self

@@ -1,0 +1,41 @@
+"""A map of stability: stiff and extreme cases, every model and scheme, what held and what did not."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from ellipsoid_coupling.compare.stability.cases import CASES, Case
+from ellipsoid_coupling.compare.stability.examine import Field, examine
+from ellipsoid_coupling.models import SCHEMES, model_names
+from ellipsoid_coupling.simulation import Report
+
+__all__ = ["CASES", "Case", "Field", "examine", "map_stability", "write_stability"]
+
+
+def map_stability(
+    cases: Sequence[Case] = CASES, *, quick: bool = False, report: Report | None = None
+) -> list[Field]:
+    """Every case (`quick`: the thinned ones) with every model and both schemes."""
+    chosen = [case for case in cases if case.thin or not quick]
+    models = model_names()
+    fields: list[Field] = []
+    for number, case in enumerate(chosen):
+        for model in models:
+            fields += examine(case, model, SCHEMES)
+        if report is not None:
+            report("stability map", (number + 1) / len(chosen))
+    return fields
+
+
+def write_stability(fields: Sequence[Field], folder: Path) -> Path:
+    """stability.csv, one line a run."""
+    path = folder / "stability.csv"
+    beside = path.with_name(".stability.csv")
+    with beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(list(Field.__dataclass_fields__))
+        writer.writerows([list(vars(field).values()) for field in fields])
+    beside.replace(path)
+    return path

@@ -19,7 +19,8 @@ from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes import AnyFlux
+from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
 from ellipsoid_coupling.schemes.grid import (
     Grid,
     interior,
@@ -69,6 +70,8 @@ class RGridEquation:
         self.terms = scene_cell_terms(setup, self.grid)
         self._interaction, self._walls = _scene_interaction(setup, self.grid)
         self._splitting = splitting
+        # The density that mass 1 has all over the domain, a small part of it.
+        self._vacuum = VACUUM / (scene.domain.width * scene.domain.height)
         self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
         interior(self.fields)[RHO] = start_density(self.grid, scene)
         self._start_angle = start_angle(self.grid, scene)
@@ -92,11 +95,11 @@ class RGridEquation:
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
 
-    def transport(self, flux: Ballistic | Force, axis: int, dt: float) -> None:
+    def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
         """Move all fields along x (axis -1) or y (-2) for dt, boundary conditions included."""
         normal = MOMENTUM_X if axis == -1 else MOMENTUM_Y
         fill_ghosts(self.fields, axis + 3, self._setup.terms.reflection, normal)
-        sweep(flux, self.fields, axis, normal, dt / self.cell)
+        sweep(flux._replace(vacuum=self._vacuum), self.fields, axis, normal, dt / self.cell)
 
     def evaluate_drift(self) -> None:
         """F and F_bar of the present fields, interaction and walls included."""

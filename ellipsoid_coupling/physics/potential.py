@@ -11,7 +11,7 @@ With delta = rbar - r, Delta = theta - thetabar, S = l^2 + d^2, c2 = cos 2 theta
     dU/dtheta = U [ kappa_theta/(2 kappa) - s_theta/(1-s)^2 ]
 
 No matrix inverse and no trigonometric call is left per pair: cos and sin of 2 theta belong to the
-particle. Lengths are in the scene's unit, U in that of eps0.
+particle. As the width goes to 0, kappa of parallel particles grows like (length/width)^2. Lengths are in the scene's unit, U in that of eps0.
 """
 
 from __future__ import annotations
@@ -41,11 +41,14 @@ class PotentialShape(NamedTuple):
         S = l^2 + d^2 with l = 2L and d = 2D.
     reach : float
         U vanishes beyond this distance of the centres, whatever the angles: sqrt(2) l.
+    bluntness : float
+        1 - lambda = 2 d^2/S to all digits, of which a needle's lambda has none left.
     """
 
     shape_factor: float
     size: float
     reach: float
+    bluntness: float
 
 
 def potential_shape(length: float, width: float) -> PotentialShape:
@@ -53,7 +56,8 @@ def potential_shape(length: float, width: float) -> PotentialShape:
     long_axis, short_axis = 2.0 * length, 2.0 * width
     size = long_axis**2 + short_axis**2
     shape_factor = (long_axis**2 - short_axis**2) / size
-    return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis)
+    bluntness = 2.0 * short_axis**2 / size
+    return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis, bluntness)
 
 
 @inline_kernel
@@ -101,11 +105,15 @@ def pair_potential(
     (U, dU/dx, dU/dy, dU/dtheta), all over eps0; derivatives are those of the first particle.
     """
     factor, size = shape.shape_factor, shape.size
-    kappa = 1.0 / (1.0 - 0.5 * factor * factor * (1.0 + c2 * c2b + s2 * s2b))
-    half = 0.5 * factor
-    mx = dx - half * ((c2 + c2b) * dx + (s2 + s2b) * dy)
-    my = dy - half * ((s2 + s2b) * dx - (c2 + c2b) * dy)
-    s = kappa * (dx * mx + dy * my) / size
+    # 1 - lambda^2 cos^2 Delta and delta - lambda (...), where parallel needles leave no digit, as
+    # sums: (1 - lambda)(1 + lambda) + lambda^2 sin^2 Delta, (1 - lambda) delta + lambda (delta - ...).
+    blunt = shape.bluntness
+    askew = (c2 - c2b) * (c2 - c2b) + (s2 - s2b) * (s2 - s2b)
+    kappa = 1.0 / (blunt * (1.0 + factor) + 0.25 * factor * factor * askew)
+    mx = blunt * dx + factor * (dx - 0.5 * ((c2 + c2b) * dx + (s2 + s2b) * dy))
+    my = blunt * dy + factor * (dy - 0.5 * ((s2 + s2b) * dx - (c2 + c2b) * dy))
+    # Rounding in cos and sin may leave a needle's s below 0.
+    s = max(kappa * (dx * mx + dy * my) / size, 0.0)
     inside = 1.0 if s < LARGEST_S else 0.0
     s = min(s, LARGEST_S)
     rest = 1.0 / (1.0 - s)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Flux, Span, outflow
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, Flux, Span, outflow
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -43,8 +43,10 @@ class Runs(NamedTuple):
 
 
 @kernel
-def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Floats]) -> None:
-    """U -= leaving, U += entering, for a run of cells; what is thinner than VACUUM becomes vacuum.
+def _update(
+    fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Floats], vacuum: float
+) -> None:
+    """U -= leaving, U += entering, for a run of cells; what is as thin as `vacuum` is emptied.
 
     parts : (up, down, entering from below, entering from above), each (K, width).
     """
@@ -54,7 +56,7 @@ def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Flo
         for i in range(width):
             fields[k, first + i] += from_below[k, i] + from_above[k, i] - up[k, i] - down[k, i]
     for i in range(width):
-        if fields[DENSITY, first + i] <= VACUUM:
+        if fields[DENSITY, first + i] <= vacuum:
             for k in range(fields.shape[0]):
                 fields[k, first + i] = 0.0
 
@@ -70,7 +72,7 @@ def _sweep_rows(flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: floa
         work = np.empty((_WORK_ROWS, n + 2))
         outflow(flux, fields, Span(first - 1, n + 2, 1, normal), ratio, up, down, work)
         parts = (up[:, 1:-1], down[:, 1:-1], up[:, :-2], down[:, 2:])
-        _update(fields, first, parts)
+        _update(fields, first, parts, flux.vacuum)
 
 
 @kernel
@@ -88,7 +90,8 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
         outflow(flux, fields, here, ratio, up[new], down[new], work)
         if row >= 1:
             old, middle = (row + 1) % 3, (row + 2) % 3
-            _update(fields, at - stride, (up[middle], down[middle], up[old], down[new]))
+            parts = (up[middle], down[middle], up[old], down[new])
+            _update(fields, at - stride, parts, flux.vacuum)
 
 
 @parallel_kernel

@@ -13,13 +13,15 @@ from ellipsoid_coupling.kernels import KERNEL_OPTIONS
 
 Floats = NDArray[np.float64]
 
-# A flux is a NamedTuple of its parameters: numbers, or arrays that belong to the cells.
+# A flux is a NamedTuple of its parameters: numbers, or arrays that belong to the cells. One is
+# `vacuum`, the density up to which a cell counts as empty.
 Flux = tuple[Any, ...]
 
 # Component 0 of every system is the density.
 DENSITY = 0
-# Below this it counts as vacuum, and is set to 0: a rim so thin is 1e-16 of the mass in a thousand
-# steps, and without it every step would widen by a cell what is computed.
+# Up to this part of the mean density a cell counts as vacuum, and is set to 0: a rim so thin is
+# 1e-17 of the mass in a thousand steps, and without it every step would widen by a cell what is
+# computed.
 VACUUM = 1e-20
 _OPTIONS: Any = KERNEL_OPTIONS
 
@@ -54,7 +56,7 @@ def outflow(
     Parameters
     ----------
     flux : NamedTuple
-        Chooses the flux and holds its parameters.
+        Chooses the flux and holds its parameters, `vacuum` among them.
     fields : (K, cells) float64
         Conserved fields, flat; component 0 is the density.
     span : Span

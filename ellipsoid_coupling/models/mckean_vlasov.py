@@ -10,8 +10,9 @@ start.points; their paths then are quadrature points of f, and the error falls l
 realisation k, particle i of `microscopic` draws, so that the two can be compared path by path, in the
 scheme `paper` step by step; the error falls like 1/sqrt(S).
 
-Walls act as in `microscopic`: by their ghost particles, summed exactly, and by reflection. Where the
-domain is open, samples further out than two ranges of the potential no longer interact.
+Few samples, and slender ones, interact pair by pair, many by harmonics (`sample_choice`). Walls act as
+in `microscopic`: by their ghost particles, summed exactly, and by reflection. By harmonics, samples
+further out of an open domain than two ranges of the potential no longer interact.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs import Pairs, Sources
+from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.parts import (
@@ -100,19 +103,21 @@ def _own_forces(
         _add_ghosts(walls[0], walls[1], place[k], force[k])
 
 
-def _scene_samples(scene: Scene) -> SampleInteraction | None:
+def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePairs | None:
     if scene.interaction is None:
         return None
     particles, domain = scene.particles, scene.domain
     shape = potential_shape(particles.length, particles.width)
     margin = 0.0 if domain.boundary == "reflecting" else _RANGES_BEYOND * shape.reach
-    return SampleInteraction(
+    return choose_samples(
         (domain.x[0] - margin, domain.x[1] + margin),
         (domain.y[0] - margin, domain.y[1] + margin),
         shape,
         particles.width,
         scene.interaction.strength,
-        scene.numerics.harmonics_tolerance,
+        samples=samples,
+        tolerance=scene.numerics.harmonics_tolerance,
+        method=scene.numerics.interaction,
     )
 
 
@@ -129,12 +134,13 @@ class McKeanVlasov:
         drift = scene_drift(setup)
         self._drift = drift._replace(pairs=None)
         self._walls = self._ghosts(drift.pairs)
-        self._interaction = _scene_samples(setup.scene)
         particles = setup.scene.particles
         self._weights = (1.0 / particles.mass, 1.0 / particles.inertia)
         self._rates = scene_rates(setup)
         self._limits = scene_limits(setup)
         self._state = start_state(setup)
+        samples = self._state.place.shape[0] * self._state.place.shape[2]
+        self._interaction = _scene_samples(setup.scene, samples)
         self._blocks = np.zeros(1, np.int64)
 
     @staticmethod

@@ -154,11 +154,14 @@ class BalancedHeun:
         ratio = dt / system.grid.width(axis)
         self._fill(axis)
         self._before[:] = system.fields
+        left = system.left.copy()
         system.transport(flux, axis, dt)
         _push(system.fields, self._before, system.extents, field, ratio, weights)
         self._fill(axis)
         self._middle[:] = system.fields
         system.transport(flux, axis, dt)
+        # Both stages' transports count half, here as in `_combine`.
+        system.left[:] = 0.5 * (left + system.left)
         states = system.fields, self._before, self._middle
         _combine(*states, system.extents, field, ratio, weights)
 

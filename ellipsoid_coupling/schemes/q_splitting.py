@@ -56,6 +56,8 @@ class QSystem:
         Outside them, all is vacuum.
     vacuum : float
         The density up to which a cell counts as empty.
+    left : (1,) float64
+        What has left through open boundaries, in units of a cell's density.
     """
 
     grid: QGrid
@@ -69,9 +71,11 @@ class QSystem:
     walls: AngleForces | None
     extents: Extents = field(init=False)
     vacuum: float = field(init=False)
+    left: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         # The density that mass 1 has all over the grid, a small part of it.
+        self.left = np.zeros(1)
         self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
         self.look_for_mass()
 
@@ -82,9 +86,9 @@ class QSystem:
     def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
         """Move all fields along an axis for dt; the extents grow with them."""
         ratio = dt / self.grid.width(axis)
-        self.extents = transport(
-            flux._replace(vacuum=self.vacuum), self.fields, axis, ratio, self.extents, self.reflecting
-        )
+        thin = flux._replace(vacuum=self.vacuum)
+        here = self.fields, axis, ratio, self.extents, self.reflecting
+        self.extents = transport(thin, *here, self.left)
 
     def forces(self) -> AngleForces | None:
         """Interaction and walls at the present density; None without either."""

@@ -104,8 +104,37 @@ def _sweep_columns(
         _march(flux, fields, first, counts[task], Span(first, widths[task], stride, normal), ratio)
 
 
-def sweep_runs(
+@kernel
+def _leaving(
     flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
+) -> float:
+    """The mass that the step takes out of all runs through their ends, less what it brings in."""
+    starts, counts, widths = runs
+    total = 0.0
+    for task in range(starts.size):
+        first, last = starts[task], starts[task] + (counts[task] - 1) * stride
+        width = widths[task]
+        up, down = np.empty((2, fields.shape[0], width))
+        work = np.empty((_WORK_ROWS, width))
+        outflow(flux, fields, Span(first, width, stride, normal), ratio, up, down, work)
+        total += down[DENSITY].sum()
+        outflow(flux, fields, Span(first - stride, width, stride, normal), ratio, up, down, work)
+        total -= up[DENSITY].sum()
+        outflow(flux, fields, Span(last, width, stride, normal), ratio, up, down, work)
+        total += up[DENSITY].sum()
+        outflow(flux, fields, Span(last + stride, width, stride, normal), ratio, up, down, work)
+        total -= down[DENSITY].sum()
+    return total
+
+
+def sweep_runs(
+    flux: Flux,
+    fields: Floats,
+    runs: Runs,
+    stride: int,
+    normal: int,
+    ratio: float,
+    left: Floats | None = None,
 ) -> None:
     """Transport of all runs in one direction, in place.
 
@@ -123,7 +152,11 @@ def sweep_runs(
         Component of the momentum along it.
     ratio : float
         dt / h.
+    left : (1,) float64, optional
+        What leaves the runs through their ends is added, in units of a cell's density.
     """
+    if left is not None:
+        left += _leaving(flux, fields, runs, stride, normal, ratio)
     with numba.parallel_chunksize(_CHUNK):
         if stride == 1:
             _sweep_rows(flux, fields, runs, normal, ratio)
@@ -131,7 +164,14 @@ def sweep_runs(
             _sweep_columns(flux, fields, runs, stride, normal, ratio)
 
 
-def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> None:
+def sweep(
+    flux: Flux,
+    fields: Floats,
+    axis: int,
+    normal: int,
+    ratio: float,
+    left: Floats | None = None,
+) -> None:
     """Transport padded fields along one axis, in place; their ghosts along it are filled.
 
     Parameters
@@ -143,6 +183,8 @@ def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> N
         Component of the momentum along it.
     ratio : float
         dt / h.
+    left : (1,) float64, optional
+        What leaves through the boundary is added, in units of a cell's density.
     """
     components, *padded = fields.shape
     index = np.arange(fields[0].size, dtype=np.int64).reshape(padded)
@@ -159,4 +201,4 @@ def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> N
         first = first[..., ::BUNDLE].ravel()
     runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
-    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio)
+    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio, left)

@@ -22,7 +22,7 @@ from ellipsoid_coupling.scenes import Scene, terms_of
 Outcome = Literal["completed", "broken", "stopped", "refused", "not applicable"]
 
 # Steps, repeated ones included, that a run may take: some seconds on the small scene.
-MOST_STEPS = {"particles": 100_000, "rho": 40_000, "q": 12_000}
+MOST_STEPS = {"particles": 100_000, "rho": 20_000, "q": 8_000}
 # A run that keeps its mass to this, its density positive and its particles inside is whole.
 LARGEST_DRIFT = 1e-12
 # By how much the scheme `paper` is asked for a smaller step before it is given up.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.parts import (
     particle_snapshot,
     random_points,
@@ -25,16 +25,16 @@ from ellipsoid_coupling.models.parts import (
 )
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
-from ellipsoid_coupling.schemes.particles.state import (
-    CLOCK_COLUMNS,
-    OUTSIDE,
-    REJECTED,
-    STATUS,
-    STEPS,
-    TIME,
-    ParticleState,
-)
+from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
+    OUTSIDE,
+    STATUS,
+    TIME,
+    new_clock,
+    step_log,
+)
 
 Floats = NDArray[np.float64]
 
@@ -45,10 +45,9 @@ _STEPS_PER_CALL = 16
 
 def start_state(setup: Setup) -> ParticleState:
     """All realisations at rest, evenly random in the start box or at start.points."""
-    place, velocity = start_at_rest(
-        setup, random_points(setup.scene, setup.seed, setup.realisations)
-    )
-    clock = np.zeros((setup.realisations, CLOCK_COLUMNS))
+    scene, realisations = setup.scene, setup.realisations
+    place, velocity = start_at_rest(setup, random_points(scene, setup.seed, realisations))
+    clock = new_clock(realisations, scene.numerics.time_step, GIVEN)
     return ParticleState(place, velocity, velocity.copy(), clock, None)
 
 
@@ -128,12 +127,10 @@ class Microscopic:
         for name, array in state.items():
             current[name][...] = array
 
-    def counts(self) -> dict[str, float]:
-        """Steps of the realisation that took most, and of all together those repeated."""
+    def counts(self) -> Counts:
+        """The steps and the mass, which particles keep."""
         clock = self._state.clock
-        return {
-            "steps": float(clock[:, STEPS].max()),
-            "rejected_steps": float(clock[:, REJECTED].sum()),
+        return step_log(clock) | {
             "particles_outside_flow": float(clock[:, OUTSIDE].sum()),
             "mass_start": 1.0,
             "mass_end": 1.0,

@@ -20,6 +20,8 @@ from ellipsoid_coupling.schemes.sources import (
     step_implicitly,
     turn,
 )
+from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
+from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +55,8 @@ class Splitting(Protocol):
 
     order: int
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
-        """The step that the CFL number allows now."""
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
+        """The step that the CFL number allows now, and its reason."""
         ...
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
@@ -68,11 +70,13 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root > 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, cfl: float) -> float:
+def _cfl_step(equation: SplitEquation, cfl: float) -> tuple[float, int]:
     """As long as nothing flies further than cfl cells."""
     speed, _ = largest_rates(equation.fields)
     force = float(np.abs(equation.drift[:2]).max())
-    return _longest(speed, force, equation.terms.damping, cfl * equation.cell)
+    distance = cfl * equation.cell
+    dt = _longest(speed, force, equation.terms.damping, distance)
+    return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
 
 
 def _longest(rate: float, force: float, damping: float, distance: float) -> float:
@@ -93,11 +97,13 @@ class GodunovSplitting:
     def __init__(self, pressure: float) -> None:
         self._flux = Force(pressure)
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest cell; from rest, as far as the drift leads."""
         speed, _ = largest_rates(equation.fields)
         distance = cfl * equation.cell
-        return _step_for(speed, 0.0, distance) if speed > 0.0 else _cfl_step(equation, cfl)
+        if speed > 0.0:
+            return _step_for(speed, 0.0, distance), CFL_NUMBER
+        return _cfl_step(equation, cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -117,12 +123,12 @@ class KickDriftKick:
     def __init__(self) -> None:
         self._flux = Ballistic()
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         _, spin = largest_rates(equation.fields)
         torque = float(np.abs(equation.drift[2:]).max(initial=0.0))
         turning = _longest(spin, torque, equation.terms.angular_damping, _LARGEST_TURN)
-        return min(_cfl_step(equation, cfl), turning)
+        return min(_cfl_step(equation, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred."""

@@ -40,9 +40,9 @@ from ellipsoid_coupling.interaction.sample_splines import (
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
-    LEAST_SINGLE_TOLERANCE,
     Indices,
     Spectra,
+    precision_for,
     transform,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape
@@ -103,7 +103,7 @@ class SampleInteraction:
         entries = 3 * (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
         _require(entries <= _MOST_ENTRIES, shape, tolerance)
         self.harmonics = series.harmonics
-        self._precision = np.float32 if tolerance >= LEAST_SINGLE_TOLERANCE else np.float64
+        self._precision = precision_for(tolerance, h * h, shape.size, strength)
         padded = self.nodes.rows + _TAIL, self.nodes.columns + _TAIL
         # `transform` makes cells' spectra, with h^2 in them; a sample has its whole mass.
         self._spectra = _undo_splines(transform(series, padded, strength / h**2, self._precision))

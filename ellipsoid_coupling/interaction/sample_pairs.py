@@ -68,9 +68,7 @@ class SamplePairs:
         grid = self._grid
         own, came_from = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
         sums = np.zeros((3, x.size))
-        for_each(
-            grid.rows, lambda row: _sum_row(row, (own, came_from), grid, self._shape, sums)
-        )
+        for_each(grid.rows, lambda row: _sum_row(row, (own, came_from), grid, self._shape, sums))
         scale = -self._strength / x.size
         for d in range(degrees):
             weight = scale * (weights[1] if d == 2 else weights[0])

@@ -6,9 +6,9 @@
 
 f is the density of S samples, S = particles.number * realisations. Without noise they start evenly
 spread over the start box (a square number of them, as near to S as there is) or all lie at
-start.points; their paths then are quadrature points of f, and the error falls like 1/S. With noise they start at random and draw what
-realisation k, particle i of `microscopic` draws, so that the two can be compared path by path, in the
-scheme `paper` step by step; the error falls like 1/sqrt(S).
+start.points; their paths then are quadrature points of f, and the error falls like 1/S. With noise
+they start at random and draw what realisation k, particle i of `microscopic` draws, so that the two
+can be compared path by path, in the scheme `paper` step by step; the error falls like 1/sqrt(S).
 
 Few samples, and slender ones, interact pair by pair, many by harmonics (`sample_choice`). Walls act as
 in `microscopic`: by their ghost particles, summed exactly, and by reflection. By harmonics, samples

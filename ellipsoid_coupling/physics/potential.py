@@ -11,7 +11,8 @@ With delta = rbar - r, Delta = theta - thetabar, S = l^2 + d^2, c2 = cos 2 theta
     dU/dtheta = U [ kappa_theta/(2 kappa) - s_theta/(1-s)^2 ]
 
 No matrix inverse and no trigonometric call is left per pair: cos and sin of 2 theta belong to the
-particle. As the width goes to 0, kappa of parallel particles grows like (length/width)^2. Lengths are in the scene's unit, U in that of eps0.
+particle. As the width goes to 0, kappa of parallel particles grows like (length/width)^2. Lengths
+are in the scene's unit, U in that of eps0.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ radian.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
@@ -97,13 +98,14 @@ class Start(Part):
     @model_validator(mode="before")
     @classmethod
     def _box_of_points(cls, values: Any) -> Any:
-        if not isinstance(values, dict) or not values.get("points"):
+        if not isinstance(values, dict) or values.get("points") is None:
             return values
-        try:
-            columns = [[float(point[d]) for point in values["points"]] for d in (0, 1)]
-        except (TypeError, ValueError, LookupError):
-            return values  # what is wrong with the points is told with their own key
-        boxes = {name: (min(c), max(c)) for name, c in zip("xy", columns, strict=True)}
+        boxes = {"x": (0.0, 0.0), "y": (0.0, 0.0)}
+        # What is wrong with the points is told with their own key.
+        with suppress(TypeError, ValueError, LookupError):
+            for d, name in enumerate("xy"):
+                column = [float(point[d]) for point in values["points"]]
+                boxes[name] = (min(column), max(column))
         return boxes | values
 
     @model_validator(mode="after")

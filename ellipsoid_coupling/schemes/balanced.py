@@ -277,7 +277,8 @@ def _combine(
         row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
         for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
             m1 = half[normal, p]
-            change = new[normal, p] - m1 + ratio * _source(half[Q], p, stride, _Field(tilt, rest, axis, vacuum))
+            source = _source(half[Q], p, stride, _Field(tilt, rest, axis, vacuum))
+            change = new[normal, p] - m1 + ratio * source
             change -= (m1 - decay * old[normal, p]) / first
             for k in range(fields.shape[0]):
                 new[k, p] = 0.5 * (old[k, p] + new[k, p])

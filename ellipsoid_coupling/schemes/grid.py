@@ -111,7 +111,8 @@ def start_angle(grid: Grid, scene: Scene) -> Floats:
     if places:
         totals = np.zeros((2, *grid.shape))
         for x, y, angle in places:
-            totals[(slice(None), *cell_of(grid, x, y))] += 1.0, angle
+            j, i = cell_of(grid, x, y)
+            totals[:, j, i] += (1.0, angle)
         filled = totals[0] > 0.0
         angles[filled] = totals[1, filled] / totals[0, filled]
     return angles

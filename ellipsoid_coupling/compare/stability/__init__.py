@@ -11,21 +11,30 @@ from ellipsoid_coupling.compare.stability.examine import Field, examine
 from ellipsoid_coupling.models import SCHEMES, model_names
 from ellipsoid_coupling.simulation import Report
 
-__all__ = ["CASES", "Case", "Field", "examine", "map_stability", "write_stability"]
+__all__ = ["CASES", "Case", "Field", "chosen_cases", "examine", "map_stability", "write_stability"]
+
+
+def chosen_cases(*, quick: bool) -> tuple[Case, ...]:
+    """All cases, or (`quick`) those of the thinned map."""
+    return tuple(case for case in CASES if case.thin or not quick)
 
 
 def map_stability(
-    cases: Sequence[Case] = CASES, *, quick: bool = False, report: Report | None = None
+    cases: Sequence[Case] = CASES,
+    models: Sequence[str] | None = None,
+    *,
+    report: Report | None = None,
 ) -> list[Field]:
-    """Every case (`quick`: the thinned ones) with every model and both schemes."""
-    chosen = [case for case in cases if case.thin or not quick]
-    models = model_names()
+    """Every case with every model (or these) and both schemes."""
+    names = model_names() if models is None else models
     fields: list[Field] = []
-    for number, case in enumerate(chosen):
-        for model in models:
+    for number, case in enumerate(cases):
+        for place, model in enumerate(names):
+            if report is not None:
+                report("stability map", (number + place / len(names)) / len(cases))
             fields += examine(case, model, SCHEMES)
-        if report is not None:
-            report("stability map", (number + 1) / len(chosen))
+    if report is not None:
+        report("stability map", 1.0)
     return fields
 
 

@@ -1,12 +1,13 @@
 """How far two states are apart, in numbers that every model has and that no bins disturb.
 
-    place    the mean distance by which mass must move along x or along y (the worse), in widths of
-             the domain: the integral of |F1 - F2| over the marginal distribution functions
-    angle    |<e^{2 i theta}>_1 - <e^{2 i theta}>_2|, between 0 and 2
+place    the mean distance by which mass must move along x or along y (the worse), in widths of
+the domain: the integral of |F1 - F2| over the marginal distribution functions
+angle    |<e^{2 i theta}>_1 - <e^{2 i theta}>_2|, between 0 and 2
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,8 +42,7 @@ def shape_of(model: Model, scene: Scene) -> Shape:
     ranges = (domain.x, domain.y)
     if model.layout == "particles":
         marginals = [
-            _of_particles(now[name].ravel(), *span)
-            for name, span in zip("xy", ranges, strict=True)
+            _of_particles(now[name].ravel(), *span) for name, span in zip("xy", ranges, strict=True)
         ]
         return Shape(np.array(marginals), _mean_axis(now["angle"], np.ones(now["angle"].shape)))
     density = now["density"]
@@ -58,6 +58,8 @@ def shape_of(model: Model, scene: Scene) -> Shape:
 
 def _mean_axis(angle: Floats, weight: Floats) -> complex:
     total = float(weight.sum())
+    if not np.isfinite(angle).all():
+        return complex(math.nan)
     return complex((weight * np.exp(2j * angle)).sum() / total) if total > 0.0 else 0.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -100,8 +101,12 @@ def _short(error: float) -> str:
 
 def _legend_patches() -> list[Patch]:
     bounds = ("0", *(f"{bound:g}" for bound in _DECADES), "2")
-    words = [f"error {low} to {high}" for low, high in zip(bounds, bounds[1:], strict=False)]
-    named = {"bad in.": "refused: bad input", "-": "means nothing here", "stop": "stopped, with reason"}
+    words = [f"error {low} to {high}" for low, high in itertools.pairwise(bounds)]
+    named = {
+        "bad in.": "refused: bad input",
+        "-": "means nothing here",
+        "stop": "stopped, with reason",
+    }
     patches = [
         Patch(facecolor=shade, edgecolor="#666666", label=word)
         for shade, word in zip(_SHADES, words, strict=True)
@@ -165,7 +170,7 @@ def _label(
         fontsize=7.5,
     )
     families = {field.case: field.family for field in fields}
-    for row, (before, case) in enumerate(zip(cases, cases[1:], strict=False)):
+    for row, (before, case) in enumerate(itertools.pairwise(cases)):
         if families[before] != families[case]:
             axes.axhline(row + 1, color="black", linewidth=0.5)
     for column, (model, _) in enumerate(columns):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba.extending import overload
@@ -13,9 +13,6 @@ from ellipsoid_coupling.kernels import KERNEL_OPTIONS
 
 Floats = NDArray[np.float64]
 
-# A flux is a NamedTuple of its parameters: numbers, or arrays that belong to the cells. One is
-# `vacuum`, the density up to which a cell counts as empty.
-Flux = tuple[Any, ...]
 
 # Component 0 of every system is the density.
 DENSITY = 0
@@ -24,6 +21,15 @@ DENSITY = 0
 # computed.
 VACUUM = 1e-20
 _OPTIONS: Any = KERNEL_OPTIONS
+
+
+class Flux(Protocol):
+    """A NamedTuple of a flux's parameters: numbers, or arrays that belong to the cells."""
+
+    @property
+    def vacuum(self) -> float:
+        """The density up to which a cell counts as empty."""
+        ...
 
 
 class Span(NamedTuple):

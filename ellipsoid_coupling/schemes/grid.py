@@ -112,7 +112,8 @@ def start_angle(grid: Grid, scene: Scene) -> Floats:
         totals = np.zeros((2, *grid.shape))
         for x, y, angle in places:
             j, i = cell_of(grid, x, y)
-            totals[:, j, i] += (1.0, angle)
+            totals[0, j, i] += 1.0
+            totals[1, j, i] += angle
         filled = totals[0] > 0.0
         angles[filled] = totals[1, filled] / totals[0, filled]
     return angles
@@ -126,8 +127,8 @@ def start_density(grid: Grid, scene: Scene) -> Floats:
     places = scene.start.places()
     if places:
         counts = np.zeros(grid.shape)
-        for x, y, _ in places:
-            counts[cell_of(grid, x, y)] += 1.0
+        for place in places:
+            counts[cell_of(grid, place[0], place[1])] += 1.0
         return np.asarray(counts / (len(places) * grid.cell**2))
     # A rim that misses an edge by rounding leaves no sliver in the next cell.
     y, x = (

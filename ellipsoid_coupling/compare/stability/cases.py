@@ -53,7 +53,10 @@ STATIONARY: Table = {
     "particles.inertia": 1.0,
 }
 # All that a model without time and fluid knows of.
-_TIMELESS = ("as it is", "aspect ratio", "eps0", "density", "domain")
+_TIMELESS = ("as it is", "aspect ratio", "eps0", "domain")
+# Without these there is no diffusive limit.
+_DRAGS = ("flow", "flow.drag", "flow.angular_drag")
+_NOTHING = (None, 0.0)
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,9 @@ class Case:
         Only these; empty for all.
     thin : bool
         Belongs to the thinned map (`--quick`, tests).
+    creeping_end : float
+        The end time of the diffusive limit, where speeds go like the force itself and not like its
+        root; 0 for that of all.
     """
 
     family: str
@@ -80,6 +86,7 @@ class Case:
     gradient: float = 1.0
     models: tuple[str, ...] = ()
     thin: bool = False
+    creeping_end: float = 0.0
 
     @property
     def name(self) -> str:
@@ -88,8 +95,11 @@ class Case:
 
     def suits(self, model: str) -> bool:
         """Whether the case means anything to the model."""
-        known = model != "stationary_state" or self.family in _TIMELESS
-        return known and (not self.models or model in self.models)
+        if model == "stationary_state" and self.family not in _TIMELESS:
+            return False
+        if model == "diffusive" and any(self.settings.get(key, 1.0) in _NOTHING for key in _DRAGS):
+            return False
+        return not self.models or model in self.models
 
     def scene(self, model: str, finer: Table | None = None) -> Scene:
         """The small scene with this case's changes, for one model.
@@ -101,6 +111,8 @@ class Case:
         """
         table: Table = {k: dict(v) if isinstance(v, dict) else v for k, v in SMALL.items()}
         own = STATIONARY if model == "stationary_state" else {}
+        if model == "diffusive" and self.creeping_end:
+            own = {"times": [self.creeping_end]}
         for key, value in (self.settings | own | (finer or {})).items():
             _apply(table, key, value)
         return scene_from_table(table, f"case {self.name}")
@@ -176,12 +188,22 @@ def _one_by_one() -> list[Case]:
     for ratio in (1.0, 10.0, 100.0, 1e4, 1e8):
         name = f"{ratio:g}" if ratio > 1.0 else "1 (circle)"
         changes = {"particles.width": 0.1 / ratio} | _until(2.0 if ratio < 1e4 else 0.2)
-        cases.append(Case("aspect ratio", name, changes, thin=ratio in (1.0, 100.0)))
+        creeping = 0.05 if ratio > 1e6 else 0.0
+        thin_one = ratio in (1.0, 100.0)
+        cases.append(Case("aspect ratio", name, changes, thin=thin_one, creeping_end=creeping))
     cases.append(Case("eps0", "0", _ALONE))
     for strength in (1e2, 1e4, 1e6):
         # Speeds grow like the root: the same way is gone in a shorter time.
         changes = {"interaction.strength": strength} | _until(5.0 / math.sqrt(strength))
-        cases.append(Case("eps0", f"{strength:g}", changes, thin=strength == 1e6))
+        cases.append(
+            Case(
+                "eps0",
+                f"{strength:g}",
+                changes,
+                thin=strength == 1e6,
+                creeping_end=20.0 / strength,
+            )
+        )
     return cases
 
 
@@ -193,7 +215,15 @@ def _walls_and_noise() -> list[Case]:
     for cells in (12, 100, 500, 2000):
         # In a domain of 12 cells, so that speeds are the same and times go with its width.
         changes = _scaled(12.0 / cells) | {"walls.ghost_density": "paper"} | _until(24.0 / cells)
-        cases.append(Case("ghost density 1/h^2, h =", f"1/{cells}", changes, thin=cells == 2000))
+        cases.append(
+            Case(
+                "ghost density 1/h^2, h =",
+                f"1/{cells}",
+                changes,
+                thin=cells == 2000,
+                creeping_end=min(2.0, 6.0 * (12.0 / cells) ** 2),
+            )
+        )
     for a in (0.0, 0.1, 1.0, 10.0, 100.0):
         noise = {"noise": {"noise": a, "angular_noise": a}, "particles.realisations": 10}
         cases.append(Case("noise", f"{a:g}", noise, thin=a in (0.0, 100.0)))
@@ -242,7 +272,8 @@ def _flows_and_angles() -> list[Case]:
             changes = {"flow.field": field} | _until(10.0 / math.sqrt(10.0 * g))
             name = f"{field.replace('_', '-')}, {g:g}"
             if field == "rotation" or g == 1e6:
-                cases.append(Case("gradient", name, changes, gradient=g, thin=g == 1e6))
+                one = Case("gradient", name, changes, g, thin=g == 1e6, creeping_end=6.0 / g)
+                cases.append(one)
     return cases + [
         Case("start angle", f"{angle:g}", {"start.angle": angle}, thin=angle == 1e9)
         for angle in (1e3, 1e9)
@@ -261,8 +292,10 @@ def _steps_and_times() -> list[Case]:
         }
         cases.append(Case("steps, stable one x", f"{factor:g}", changes, thin=factor == 1e3))
     for count in (100, 10_000):
-        changes = {"times": [count / SMALL["flow"]["drag"]]}
-        cases.append(Case("end time, in 1/drag", f"{count}", changes))
+        drag = 0.1 * count
+        changes = {"flow.drag": drag, "flow.angular_drag": drag, "times": [10.0]}
+        changes |= {"numerics.time_step": 1.0 / drag}
+        cases.append(Case("end time, in 1/drag", f"{count}", changes, thin=count == 10_000))
     return cases
 
 
@@ -292,7 +325,7 @@ def _two_at_once() -> list[Case]:
              "interaction.strength": 1e3, **_until(0.2)}),
         Case("circle, inertia", "1e-8", {"particles.width": 0.1, "particles.inertia": 1e-8}),
         Case("one cell, eps0", "1e6", {"numerics.cell": 1.0, "interaction.strength": 1e6,
-             **_until(0.005)}),
+             **_until(0.005)}, creeping_end=2e-5),
         Case("open, gradient", "1e4", _OPEN | {"flow.field": "top_bottom", "times": [0.03],
              "numerics.time_step": 6e-4}, gradient=1e4),
         Case("inertia 1e-6, angular drag", "1e4", {"particles.inertia": 1e-6,

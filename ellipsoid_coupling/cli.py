@@ -28,6 +28,9 @@ Settings = Annotated[
     list[str] | None,
     Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
 ]
+Force = Annotated[
+    bool, Parameter(negative="", help="Write into --out even if it holds something already.")
+]
 Names = Annotated[list[str], Parameter(negative="")]
 
 
@@ -36,9 +39,18 @@ def _print(*lines: str) -> None:
         sys.stdout.write(line + "\n")
 
 
-def _new_folder(out: Path | None, name: str) -> Path:
-    """`out`, or results/`name` with the first free number behind it."""
+def _new_folder(out: Path | None, name: str, force: bool = True) -> Path:
+    """`out`, or results/`name` with the first free number behind it.
+
+    Raises
+    ------
+    InputError
+        If `out` holds something, and `force` is not given.
+    """
     if out is not None:
+        from ellipsoid_coupling.run_folder import require_free
+
+        require_free(out, force=force)
         return out
     folder, count = Path("results") / name, 1
     while folder.exists():
@@ -61,6 +73,7 @@ def flow(
     cells: int | None = None,
     processes: int = 1,
     out: Path | None = None,
+    force: Force = False,
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
 
@@ -77,6 +90,8 @@ def flow(
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
         folder = solve_case(case, cells=cells, processes=processes, out=out, report=report)
     _print(str(folder))
@@ -135,6 +150,9 @@ def run(
     realisations: int | None = None,
     out: Path | None = None,
     resume: bool = False,
+    force: Force = False,
+    checkpoint_seconds: float = 15.0,
+    stop_after: float | None = None,
 ) -> None:
     """Run one model on one scene.
 
@@ -155,9 +173,14 @@ def run(
     out
         The run folder; results/... if left out.
     resume
-        Continue the interrupted run in --out, bit for bit.
+        Continue the interrupted run in --out, bit for bit; from its start if it left no checkpoint.
+    checkpoint_seconds
+        Seconds between checkpoints: what a kill loses at most.
+    stop_after
+        Write a checkpoint and stop (status 1) after so many seconds.
     """
     from ellipsoid_coupling.models import scheme_named
+    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.simulation import simulate
 
     before = _run_file(scene)
@@ -169,6 +192,11 @@ def run(
         raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
+    if not checkpoint_seconds >= 0.0:
+        found = f"{checkpoint_seconds:g}"
+        raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
+    if stop_after is not None and not stop_after > 0.0:
+        raise InputError("--stop-after", "seconds above 0", f"{stop_after:g}", "Change it.")
     kind = scheme_named(scheme or before.get("scheme", "accurate"))
     folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
@@ -179,11 +207,11 @@ def run(
             flow=flow,
             seed=seed if seed is not None else int(before.get("seed", 0)),
             realisations=realisations or before.get("realisations"),
-            folder=folder,
-            resume=resume,
+            folder=RunFolder(folder, resume, force, checkpoint_seconds, stop_after),
             report=report,
         )
-    shown = ("status", "resolution", "flow", "steps", "rejected_steps", "mass_start", "mass_end")
+    shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    shown += ["mass_start", "mass_end"]
     known = [key for key in shown if key in result.attributes]
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
     rows += [(k, f"{result.attributes[k]:.2f}") for k in ("wall_seconds", "compile_seconds")]
@@ -200,6 +228,7 @@ def compare(
     flow: Path | None = None,
     set_: Settings = None,
     longest: float = 60.0,
+    force: Force = False,
 ) -> None:
     """Errors against run time, split into their parts, as tables and figures.
 
@@ -222,6 +251,8 @@ def compare(
 
     if not longest > 0.0:
         raise InputError("--longest", "seconds above 0", f"{longest:g}", "Change it.")
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
         if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
             scene = _scene(what[0], set_)
@@ -237,7 +268,7 @@ def compare(
 
 
 @app.command
-def stability(*, out: Path | None = None) -> None:
+def stability(*, out: Path | None = None, force: Force = False) -> None:
     """Run stiff and extreme cases with every model and scheme, and map what stays stable.
 
     Parameters
@@ -248,9 +279,9 @@ def stability(*, out: Path | None = None) -> None:
     from ellipsoid_coupling.compare.stability import map_stability, write_stability
     from ellipsoid_coupling.output.figures import draw_stability
 
+    folder = _new_folder(out, "stability", force)
     with ProgressReporter() as report:
         cells = map_stability(report)
-    folder = _new_folder(out, "stability")
     folder.mkdir(parents=True, exist_ok=True)
     write_stability(cells, folder)
     draw_stability(cells, folder / "stability.png")
@@ -260,7 +291,7 @@ def stability(*, out: Path | None = None) -> None:
 
 
 @app.command
-def export(run: Path, /) -> None:
+def export(run: Path, /, *, force: Force = False) -> None:
     """Write ParaView files into a run folder.
 
     Parameters
@@ -273,15 +304,15 @@ def export(run: Path, /) -> None:
     from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
+    folder = _new_folder((run if run.is_dir() else run.parent) / "paraview", "", force)
     with ProgressReporter() as report:
         field = scene_flow(result.scene, None, report)
-    folder = (run if run.is_dir() else run.parent) / "paraview"
     write(result, folder, flow=field)
     _print(str(folder))
 
 
 @app.command
-def figures(runs: Names, /, *, out: Path | None = None) -> None:
+def figures(runs: Names, /, *, out: Path | None = None, force: Force = False) -> None:
     """Draw the paper's pictures of finished runs.
 
     Parameters
@@ -296,7 +327,7 @@ def figures(runs: Names, /, *, out: Path | None = None) -> None:
     from ellipsoid_coupling.simulation import scene_flow
 
     results = [Result.load(path) for path in runs]
-    folder = _new_folder(out, "figures")
+    folder = _new_folder(out, "figures", force)
     folder.mkdir(parents=True, exist_ok=True)
     with ProgressReporter() as report:
         draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))

@@ -1,4 +1,4 @@
-"""The two ways in which a command can end badly, and the exit status of each."""
+"""The ways in which a command can end early, and the exit status of each."""
 
 from __future__ import annotations
 
@@ -29,3 +29,16 @@ class InputError(EllipsoidError):
 
 class RunError(EllipsoidError):
     """A program or a solver failed: time, place, the term at fault and the remedy are in the text."""
+
+
+class WriteError(EllipsoidError):
+    """A file could not be written; what was there before is as it was."""
+
+
+class Interrupted(EllipsoidError):
+    """A run left off before its end, after a checkpoint; a signal's status is 128 + its number."""
+
+    def __init__(self, number: int, message: str) -> None:
+        if number:
+            self.exit_status = 128 + number
+        super().__init__(message)

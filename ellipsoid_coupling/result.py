@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling import histograms
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.scenes import Scene, scene_from_table
 
 if TYPE_CHECKING:
@@ -122,14 +123,23 @@ class Result:
         return data
 
     def save(self, path: Path) -> None:
-        """Write result.nc (NetCDF-4); written beside and renamed, so that it is whole or not there."""
+        """Write result.nc (NetCDF-4), whole or not there.
+
+        Made in memory first: the HDF5 library does not survive a full disk.
+
+        Raises
+        ------
+        WriteError
+            If it cannot be written.
+        """
         from ellipsoid_coupling.scenes import scene_to_toml
 
         data = self.to_dataset()
         data.attrs["scene_toml"] = scene_to_toml(self.scene)
-        beside = path.with_name(f".{path.name}.{os.getpid()}")
-        data.to_netcdf(beside, engine="h5netcdf")
-        beside.replace(path)
+        memory = io.BytesIO()
+        data.to_netcdf(memory, engine="h5netcdf")
+        with whole_file(path) as beside:
+            beside.write_bytes(memory.getbuffer())
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -14,6 +14,8 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # A part may import itself and what stands before it.
 ORDER = [
     "errors",
+    "files",
+    "interruption",
     "kernels",
     "scenes",
     "physics",
@@ -23,6 +25,9 @@ ORDER = [
     "models",
     "histograms",
     "result",
+    "run_folder",
+    "checkpoint",
+    "monitors",
     "simulation",
     "compare",
     "output",

@@ -15,7 +15,6 @@ with the cubic B-spline B, so velocity and gradient come from the same 16 coeffi
 from __future__ import annotations
 
 import math
-import os
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
 from ellipsoid_coupling.kernels import inline_kernel, kernel
 
@@ -218,9 +218,8 @@ class FlowField:
 
     def save(self, path: Path) -> None:
         """Write an .npz that `load` reads; a kill at any moment leaves the old file or the new."""
-        scratch = path.with_name(f".{path.name}.{os.getpid()}")
         numbers = np.array(self.arrays[1:9])
-        with scratch.open("wb") as file:
+        with whole_file(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
                 file,
                 coefficients=self.arrays.coefficients,
@@ -228,7 +227,6 @@ class FlowField:
                 mask=self.arrays.mask,
                 origin=np.array(self.origin),
             )
-        scratch.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> FlowField:

@@ -6,11 +6,12 @@ import importlib
 import pkgutil
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.models.base import Arrays, Model, SchemeName, Setup
+from ellipsoid_coupling.models.base import Arrays, Health, Model, SchemeName, Setup
 
 __all__ = [
     "SCHEMES",
     "Arrays",
+    "Health",
     "Model",
     "SchemeName",
     "Setup",

@@ -27,8 +27,9 @@ from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs import Pairs, Sources
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import kernel
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    particle_health,
     particle_snapshot,
     scene_drift,
     scene_limits,
@@ -229,6 +230,10 @@ class McKeanVlasov:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def health(self) -> Health:
+        """Speeds and forces of all particles."""
+        return particle_health(self._state)
 
     def counts(self) -> Counts:
         """The steps, samples and harmonics."""

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    particle_health,
     particle_snapshot,
     scene_drift,
     scene_limits,
@@ -131,6 +132,10 @@ class Microscopic:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def health(self) -> Health:
+        """Speeds and forces of all particles."""
+        return particle_health(self._state)
 
     def counts(self) -> Counts:
         """The steps and the mass, which particles keep."""

@@ -112,6 +112,22 @@ def test_samples_beyond_the_nodes_neither_act_nor_feel() -> None:
     assert np.all(forces(np.full((2, 3, 4), 9.0)) == 0.0)
 
 
+def test_samples_on_nodes_read_nothing_that_is_not_there() -> None:
+    """The last of four spline weights is 0 there: nodes that only it touches belong to the stencil.
+
+    A rectangle of samples, once on the nodes and once 1e-9 beside them: the same forces. Freed memory
+    is filled with NaN before, so that reading beyond an array shows.
+    """
+    step = WIDTH / 4.0
+    x, y = (a.ravel() for a in np.meshgrid(0.25 + step * np.arange(9), 0.25 + step * np.arange(5)))
+    place = np.array([x, y, np.sin(8.0 * x)])[None]
+    beside = forces(place + np.array([[1e-9], [1e-9], [0.0]]))
+    for _ in range(20):
+        junk = [np.full(n, np.nan) for n in (64, 256, 1024, 4096, 16384)]
+        del junk
+        assert forces(place) == pytest.approx(beside, rel=1e-4, abs=1e-5 * np.abs(beside).max())
+
+
 @pytest.mark.usefixtures("one_thread")
 def test_bits_for_any_number_of_threads_and_split_into_blocks() -> None:
     place = random_cloud()[None]

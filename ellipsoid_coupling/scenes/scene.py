@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model
 
 from ellipsoid_coupling.limits import (
     LARGEST_NUMBER,
+    MOST_COUNT,
     MOST_NAME,
     SMALLEST_NUMBER,
     SMALLEST_STEP,
@@ -46,7 +47,7 @@ def _file_name(name: str) -> str:
 Number = Annotated[float, AfterValidator(_in_range)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
 Interval = Annotated[tuple[Number, Number], Strict(False)]
 Line = Annotated[str, AfterValidator(_one_line)]
 Sides = Annotated[

@@ -245,7 +245,9 @@ def output_folder(path: Path) -> Path:
             raise InputError(text, "a folder, or a new name", "a file", "Name another --out.")
         # exists() is False for a link to nowhere or in a circle as well.
         if not path.exists() and path.is_symlink():
-            raise InputError(text, "a folder, or a new name", "a broken link", "Name another --out.")
+            raise InputError(
+                text, "a folder, or a new name", "a broken link", "Name another --out."
+            )
         there = path.absolute()
         while not there.exists():
             if len(os.fsencode(there.name)) > os.pathconf("/", "PC_NAME_MAX"):

@@ -6,6 +6,7 @@ the machine has.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import resource
 from pathlib import Path
@@ -46,10 +47,8 @@ def memory_limit() -> int:
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     if soft != resource.RLIM_INFINITY:
         limits.append(soft)
-    try:
+    with contextlib.suppress(OSError, ValueError):  # no such limit
         limits.append(int(_CONTROL_GROUP.read_text(encoding="ascii")))
-    except (OSError, ValueError):
-        pass  # no such limit
     return min(limits)
 
 

@@ -42,18 +42,21 @@ _TOKEN = re.compile(
 _BLANK = re.compile(_SPACE)
 
 
-def tokens(data: bytes, start: int = 0) -> Iterator[Token]:
-    """The tokens of `data` from byte `start` on."""
-    while True:
-        start = after_space(data, start)
-        found = _TOKEN.match(data, start)
-        if found is None:
-            return
-        start = found.end()
-        kind = cast(Kind, found.lastgroup)
-        yield Token(kind, found[0].decode("latin-1"), found.start(), start)
-        if kind == "odd":
-            return
+def token_at(data: bytes, start: int) -> Token | None:
+    """The first token of `data` from byte `start` on; None at the end."""
+    found = _TOKEN.match(data, after_space(data, start))
+    if found is None:
+        return None
+    kind = cast(Kind, found.lastgroup)
+    return Token(kind, found[0].decode("latin-1"), found.start(), found.end())
+
+
+def tokens(data: bytes) -> Iterator[Token]:
+    """All tokens of `data`."""
+    token = token_at(data, 0)
+    while token is not None:
+        yield token
+        token = None if token.kind == "odd" else token_at(data, token.end)
 
 
 def after_space(data: bytes, start: int) -> int:

@@ -21,7 +21,8 @@ from ellipsoid_coupling.flow.programs import INSTALL, openfoam_available
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
-    "field.py", "mesh_flow.py", "polygons.py", "reader.py", "spline.py", "stream_function.py",
+    "field.py", "foam_case.py", "foam_fields.py", "foam_files.py", "mesh_flow.py", "polygons.py",
+    "reader.py", "spline.py", "stream_function.py",
 )  # fmt: skip
 
 

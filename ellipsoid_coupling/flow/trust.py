@@ -21,7 +21,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -210,7 +210,9 @@ def _string(content: str, following: list[str]) -> str | None:
         if not _PLAIN_VARIABLE.match(variable) or ":-" in variable or ":+" in variable:
             return f"an expansion that can put names together, {variable}"
     # "l.*s" (...); would stand for libs, too. With { it is a dictionary, as patches have.
-    names = following[1 : following.index(")")] if following[:1] == ["("] and ")" in following else []
+    names = (
+        following[1 : following.index(")")] if following[:1] == ["("] and ")" in following else []
+    )
     loads = any(re.match(r'["A-Za-z_$]', name) for name in names)
     file_like = bool(following) and (".so" in following[0] or "/" in following[0])
     if _PATTERN.search(content) and (loads or file_like):
@@ -262,7 +264,7 @@ def _circles(files: list[_File]) -> Iterator[Finding]:
     edges: dict[str, list[tuple[str, Finding]]] = {}
     for file in files:
         stream = list(tokens(file.data))
-        for token, following in zip(stream, stream[1:], strict=False):
+        for token, following in pairwise(stream):
             target = _inside(file, following.text.strip('"')) if token.text in _INCLUDES else None
             if target is not None:
                 finding = file.finding(token, f"a circle of #include over {target}")

@@ -30,7 +30,7 @@ class Need(NamedTuple):
     """What takes memory: its name, how many items, the scene's keys that set it, bytes."""
 
     what: str
-    count: float
+    number: float
     keys: str
     size: float
 
@@ -43,7 +43,7 @@ def require_memory(layout: str, name: str, setup: Setup) -> None:
         raise InputError(
             f"scene {setup.scene.name}, {worst.keys}",
             f"a run that fits into the {in_words(limit)} of this machine",
-            f"{worst.count:.3g} {worst.what}, which take {in_words(worst.size)}",
+            f"{worst.number:.3g} {worst.what}, which take {in_words(worst.size)}",
             "Make the run smaller.",
         )
 

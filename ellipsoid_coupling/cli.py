@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError
+from ellipsoid_coupling.errors import EllipsoidError, InputError, readable
+from ellipsoid_coupling.inputs import exists, output_folder
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
@@ -39,7 +40,7 @@ def _print(*lines: str) -> None:
 def _new_folder(out: Path | None, name: str) -> Path:
     """`out`, or results/`name` with the first free number behind it."""
     if out is not None:
-        return out
+        return output_folder(out)
     folder, count = Path("results") / name, 1
     while folder.exists():
         count += 1
@@ -61,6 +62,7 @@ def flow(
     cells: int | None = None,
     processes: int = 1,
     out: Path | None = None,
+    trust: bool = False,
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
 
@@ -74,11 +76,17 @@ def flow(
         Processes of icoFoam (decomposePar, mpirun).
     out
         Where the solved case goes; into the cache if left out.
+    trust
+        Run the case even if something in it can run code: you have read it, or made it.
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 
+    if out is not None:
+        output_folder(out)
     with ProgressReporter() as report:
-        folder = solve_case(case, cells=cells, processes=processes, out=out, report=report)
+        folder = solve_case(
+            case, cells=cells, processes=processes, out=out, report=report, trust=trust
+        )
     _print(str(folder))
 
 
@@ -109,17 +117,6 @@ def plan(
     terms = explain_terms(chosen, model)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
     print_table(f"{chosen.name}, {model}", ("term", "", "why"), rows)
-
-
-def _run_file(scene: str) -> dict[str, Any]:
-    """The [run] part of a run.toml; empty for a scene."""
-    path = Path(scene)
-    if path.suffix != ".toml" or not path.is_file():
-        return {}
-    try:
-        return dict(tomllib.loads(path.read_text(encoding="utf-8")).get("run", {}))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
 
 
 @app.command
@@ -158,18 +155,21 @@ def run(
         Continue the interrupted run in --out, bit for bit.
     """
     from ellipsoid_coupling.models import scheme_named
+    from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
-    before = _run_file(scene)
+    before = load_run_part(scene)
     chosen = _scene(scene, set_)
-    name = model or before.get("model")
+    name = model or before.model
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     if resume and out is None:
         raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
-    kind = scheme_named(scheme or before.get("scheme", "accurate"))
+    if seed is not None and not 0 <= seed < 2**63:
+        raise InputError("--seed", "a whole number from 0 to 2^63 - 1", str(seed), "Change it.")
+    kind = scheme_named(scheme or before.scheme)
     folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
@@ -177,8 +177,8 @@ def run(
             name,
             kind,
             flow=flow,
-            seed=seed if seed is not None else int(before.get("seed", 0)),
-            realisations=realisations or before.get("realisations"),
+            seed=seed if seed is not None else before.seed,
+            realisations=realisations or before.realisations,
             folder=folder,
             resume=resume,
             report=report,
@@ -220,10 +220,12 @@ def compare(
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
-    if not longest > 0.0:
-        raise InputError("--longest", "seconds above 0", f"{longest:g}", "Change it.")
+    if not 0.0 < longest < math.inf:
+        raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
+    if out is not None:
+        output_folder(out)
     with ProgressReporter() as report:
-        if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
+        if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
             field = scene_flow(scene, flow, report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
@@ -248,6 +250,8 @@ def stability(*, out: Path | None = None) -> None:
     from ellipsoid_coupling.compare.stability import map_stability, write_stability
     from ellipsoid_coupling.output.figures import draw_stability
 
+    if out is not None:
+        output_folder(out)
     with ProgressReporter() as report:
         cells = map_stability(report)
     folder = _new_folder(out, "stability")
@@ -295,12 +299,20 @@ def figures(runs: Names, /, *, out: Path | None = None) -> None:
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
+    if out is not None:
+        output_folder(out)
     results = [Result.load(path) for path in runs]
     folder = _new_folder(out, "figures")
     folder.mkdir(parents=True, exist_ok=True)
     with ProgressReporter() as report:
         draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))
     _print(str(folder))
+
+
+def _leave_quietly() -> NoReturn:
+    """The reader of our output (head, less) has gone: nothing is left to say."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(1)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
@@ -313,10 +325,13 @@ def main(tokens: Sequence[str] | None = None) -> None:
     except CycloptsError as error:
         sys.stderr.write(f"ellipsoid: {error}\nSee ellipsoid --help.\n")
         sys.exit(InputError.exit_status)
+    except (MemoryError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            _leave_quietly()
+        # Nothing that a check before the run could know: a full disk, a file removed meanwhile.
+        found = readable(str(error)) or type(error).__name__
+        sys.stderr.write(f"ellipsoid: the system refused: {found}\n")
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("ellipsoid: interrupted\n")
         sys.exit(130)
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)

@@ -217,22 +217,6 @@ def _array(
     return values.reshape(shape, order="F" if order == "True" else "C").copy()
 
 
-def require_like(path: Path, found: Arrays, expected: Arrays) -> None:
-    """InputError unless `found` has the names, shapes and types of `expected`, and only numbers.
-
-    What a checkpoint gives a model must be what the model has: an array of another shape would
-    spread silently over the model's own.
-    """
-    for name in sorted(set(found) | set(expected)):
-        there, wanted = (
-            f"{a[name].dtype} {a[name].shape}" if name in a else "none" for a in (found, expected)
-        )
-        if there != wanted:
-            raise InputError(
-                f"{path}, array {name}", wanted, there, "Take the checkpoint of this very run.",
-            )  # fmt: skip
-
-
 def output_folder(path: Path) -> Path:
     """A folder that can be written to, existing or not, is not made here; InputError otherwise.
 

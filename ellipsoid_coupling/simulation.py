@@ -104,9 +104,6 @@ def simulate(
         seed=seed,
         realisations=realisations or scene.particles.realisations,
     )
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        _write_run_file(folder, model, setup, resume)
     return _Run(model, setup, folder, report).go(resume)
 
 
@@ -124,7 +121,11 @@ class _Run:
         self.snapshots: list[Arrays] = []
         self.earlier = np.zeros(2)  # wall and compile seconds of the runs before this one
         with CompileTimer() as self.compiling:
+            # Before anything is written: it refuses what does not fit.
             self.model: Model = build_model(self.name, self.setup)
+            if self.folder is not None:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                _write_run_file(self.folder, self.name, self.setup, resume)
             if resume:
                 self._load_checkpoint()
             self.started = self.saved = started
@@ -170,7 +171,7 @@ class _Run:
         file = self.folder / "checkpoint.npz" if self.folder else None
         if file is None or not file.is_file():
             return  # killed before the first checkpoint: nothing to continue from but the start
-        with np.load(file) as data:
+        with np.load(file, allow_pickle=False) as data:
             self.earlier = data["seconds"]
             prefix = "state."
             state = {k.removeprefix(prefix): data[k] for k in data.files if k.startswith(prefix)}

@@ -16,6 +16,7 @@ ORDER = [
     "errors",
     "limits",
     "inputs",
+    "seal",
     "kernels",
     "scenes",
     "physics",

@@ -252,3 +252,4 @@ class RunPart(Part):
     seed: Annotated[int, Field(ge=0)] = 0
     realisations: Count | None = None
     flow: Line = "none"
+    flow_digest: Line = "none"

@@ -16,7 +16,7 @@ import struct
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ _KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
+_PIECE = 1 << 20
 _REASONS = {
     errno.ENOENT: "no such file",
     errno.ENOTDIR: "a file where a folder of the path should be",
@@ -94,7 +95,7 @@ def read_bytes(path: Path, expected: str, most: int) -> bytes:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(handle, "rb") as file:  # noqa: PTH123
             _require_ordinary(path, expected, os.fstat(handle).st_mode)
-            data = file.read(most + 1) or b""
+            data = _read_at_most(file, most + 1)
     except OSError as error:
         found = _REASONS.get(error.errno or 0, error.strerror or "an error of the system")
         raise InputError(str(path), expected, found, "Check the path.") from None
@@ -106,6 +107,14 @@ def read_bytes(path: Path, expected: str, most: int) -> bytes:
             f"more than {in_words(most)}", "Check that it is the right file.",
         )  # fmt: skip
     return data
+
+
+def _read_at_most(file: BinaryIO, most: int) -> bytes:
+    """Piece by piece: one read of `most` bytes would take that memory, whatever the file's size."""
+    data = bytearray()
+    while len(data) < most and (piece := file.read(min(most - len(data), _PIECE))):
+        data += piece
+    return bytes(data)
 
 
 def _require_ordinary(path: Path, expected: str, mode: int) -> None:
@@ -224,7 +233,8 @@ def output_folder(path: Path) -> Path:
     """
     text = str(path)
     try:
-        text.encode("utf-8")
+        if "\0" in text.encode("utf-8").decode():
+            raise ValueError("a zero byte in it")
         if path.exists() and not path.is_dir():
             raise InputError(text, "a folder, or a new name", "a file", "Name another --out.")
         # exists() is False for a link to nowhere or in a circle as well.

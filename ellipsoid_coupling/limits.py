@@ -15,8 +15,8 @@ from pathlib import Path
 MOST_SCENE_BYTES = 1_000_000
 # tomllib and OpenFOAM read nested parts by recursion; a scene has two levels, a case about six.
 MOST_NESTING = 50
-# One file of a case, unpacked: faces of a plane mesh of two million cells in ascii.
-MOST_CASE_FILE_BYTES = 512_000_000
+# One file of a case, unpacked: faces of a plane mesh of a million cells in ascii.
+MOST_CASE_FILE_BYTES = 256_000_000
 # What a case's dictionaries, without mesh and solution, hold together, and how many files.
 MOST_DICTIONARY_BYTES = 50_000_000
 MOST_DICTIONARIES = 2_000

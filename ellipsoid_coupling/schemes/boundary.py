@@ -21,19 +21,20 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
         The axis to fill, counted on `fields`.
     reflecting : bool
         True: mirror the interior and turn the normal momentum round, so that no mass crosses; False
-        (Neumann): continue the outermost cell, so that what reaches the edge leaves.
+        (open): continue the outermost cell (Neumann) where it moves outwards, so that what reaches
+        the edge leaves, and mirror where it moves inwards. A continued cell that moves inwards
+        would be a source without end: nothing is known of what lies outside.
     normal : int
         The component that is the momentum along `axis`.
     """
     lines = np.moveaxis(fields, axis, 1)
     n = lines.shape[1]
-    for layer in range(GHOSTS):
-        low, high = GHOSTS - 1 - layer, n - GHOSTS + layer
-        lines[:, low] = lines[:, GHOSTS + layer if reflecting else GHOSTS]
-        lines[:, high] = lines[:, n - GHOSTS - 1 - layer if reflecting else n - GHOSTS - 1]
-        if reflecting:
-            lines[normal, low] *= -1.0
-            lines[normal, high] *= -1.0
+    for edge, inwards in ((GHOSTS, 1), (n - GHOSTS - 1, -1)):
+        mirrored = True if reflecting else lines[normal, edge] * inwards > 0.0
+        for layer in range(GHOSTS):
+            ghost = lines[:, edge - inwards * (layer + 1)]
+            ghost[:] = np.where(mirrored, lines[:, edge + inwards * layer], lines[:, edge])
+            ghost[normal] *= np.where(mirrored, -1.0, 1.0)
 
 
 def fill_periodic(fields: Floats, axis: int) -> None:

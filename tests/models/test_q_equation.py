@@ -152,6 +152,7 @@ def refine(name: str, scheme: str, coarsest: int, until: float) -> float:
     solutions = []
     for n in (coarsest, 2 * coarsest, 4 * coarsest):
         settings = {"numerics.cell": 12.0 / n, "numerics.angle_cells": n // 2, "noise.noise": 2.0}
+        settings["numerics.cfl"] = 0.3  # so many steps that rounding their number up does not show
         model = model_of(load_scene("stationary", settings), name, None, scheme)
         smooth_start(model, 1.5)
         solutions.append(inside(run(model, until).system.fields).copy())

@@ -110,3 +110,17 @@ def test_particles_settle_to_the_stationary_state(model: str) -> None:
     area = 1.2**2
     expected = np.sqrt((rest * area * (1.0 - rest * area)).sum() / 12_800) / area
     assert np.linalg.norm(found - rest) < 1.5 * expected
+
+
+@pytest.mark.parametrize("scheme", ["paper", "accurate"])
+@pytest.mark.parametrize("model", ["q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic"])
+def test_open_edges_let_nothing_into_a_trap(model: str, scheme: Any) -> None:
+    """V1 pulls inwards everywhere at the edge, and so coarse a grid spreads mass up to there.
+
+    A continued (Neumann) edge multiplied the mass by 117 in this case.
+    """
+    settings = {"numerics.cell": 0.6, "numerics.angle_cells": 12, "times": [2.0, 5.0, 20.0]}
+    result = ec.simulate(ec.load_scene("stationary", settings), model, scheme)
+    mass = result.cell_density().sum(axis=(1, 2)) * 0.6**2
+    assert np.all(mass <= 1.0 + 1e-13)
+    assert mass[-1] > 0.999

@@ -1,7 +1,7 @@
 """Mutations of valid input: each is accepted and valid, or an InputError whose text names the file.
 
-2850 in all: 800 of scenes, 950 of solved cases (ascii, binary, gzip, foamToVTK), 500 of saved flows,
-200 of results, 400 of checkpoints.
+2300 in all: 600 of scenes, 850 of solved cases (ascii, binary, gzip, foamToVTK), 350 of saved flows,
+200 of results, 300 of checkpoints.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def refused(read: Callable[[], object], path: Path) -> bool:
     return message is not None
 
 
-@trials(800)
+@trials(600)
 @given(name=st.sampled_from(builtin_scenes()), mutate=mutations())
 def test_scenes(tmp_path: Path, name: str, mutate: Mutation) -> None:
     path = tmp_path / "scene.toml"
@@ -138,13 +138,13 @@ def read_mutated(worker: Worker, source: Path, folder: Path, file: str, change: 
     assert "\n" not in answer
 
 
-@trials(250)
+@trials(200)
 @given(file=st.sampled_from(FILES), mutate=mutations())
 def test_ascii_cases(worker: Worker, tmp_path: Path, file: str, mutate: Mutation) -> None:
     read_mutated(worker, DATA / "cavity_16", tmp_path / "case", file, mutate)
 
 
-@trials(300)
+@trials(250)
 @given(file=st.sampled_from(FILES), mutate=mutations())
 def test_binary_cases(worker: Worker, tmp_path: Path, file: str, mutate: Mutation) -> None:
     read_mutated(worker, DATA / "cavity_16_binary", tmp_path / "case", file, mutate)
@@ -170,7 +170,7 @@ def test_vtk_files(worker: Worker, tmp_path: Path, file: str, mutate: Mutation) 
     read_mutated(worker, source, tmp_path / "case_79", file, mutate)
 
 
-@trials(500)
+@trials(350)
 @given(mutate=mutations(), inside=st.booleans())
 def test_saved_flows(tmp_path: Path, mutate: Mutation, inside: bool) -> None:
     """The file is changed, or one of its arrays before it is packed with a right checksum."""
@@ -256,7 +256,7 @@ def test_results_that_are_whole_but_no_results(
         Result.load(tmp_path / "result.nc")
 
 
-@trials(400)
+@trials(300)
 @given(mutate=mutations(), inside=st.booleans())
 def test_checkpoints(tmp_path: Path, mutate: Mutation, inside: bool) -> None:
     """The arrays of a checkpoint come back as they were, or not at all."""

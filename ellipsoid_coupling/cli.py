@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError
+from ellipsoid_coupling.errors import EllipsoidError, InputError, readable
+from ellipsoid_coupling.inputs import exists
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
@@ -74,6 +75,7 @@ def flow(
     processes: int = 1,
     out: Path | None = None,
     force: Force = False,
+    trust: bool = False,
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
 
@@ -87,13 +89,17 @@ def flow(
         Processes of icoFoam (decomposePar, mpirun).
     out
         Where the solved case goes; into the cache if left out.
+    trust
+        Run the case even if something in it can run code: you have read it, or made it.
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 
     if out is not None:
         _new_folder(out, "", force)
     with ProgressReporter() as report:
-        folder = solve_case(case, cells=cells, processes=processes, out=out, report=report)
+        folder = solve_case(
+            case, cells=cells, processes=processes, out=out, report=report, trust=trust
+        )
     _print(str(folder))
 
 
@@ -124,17 +130,6 @@ def plan(
     terms = explain_terms(chosen, model)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
     print_table(f"{chosen.name}, {model}", ("term", "", "why"), rows)
-
-
-def _run_file(scene: str) -> dict[str, Any]:
-    """The [run] part of a run.toml; empty for a scene."""
-    path = Path(scene)
-    if path.suffix != ".toml" or not path.is_file():
-        return {}
-    try:
-        return dict(tomllib.loads(path.read_text(encoding="utf-8")).get("run", {}))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
 
 
 @app.command
@@ -181,23 +176,26 @@ def run(
     """
     from ellipsoid_coupling.models import scheme_named
     from ellipsoid_coupling.run_folder import RunFolder
+    from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
-    before = _run_file(scene)
+    before = load_run_part(scene)
     chosen = _scene(scene, set_)
-    name = model or before.get("model")
+    name = model or before.model
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     if resume and out is None:
         raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
-    if not checkpoint_seconds >= 0.0:
+    if seed is not None and not 0 <= seed < 2**63:
+        raise InputError("--seed", "a whole number from 0 to 2^63 - 1", str(seed), "Change it.")
+    if not 0.0 <= checkpoint_seconds < math.inf:
         found = f"{checkpoint_seconds:g}"
         raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
-    if stop_after is not None and not stop_after > 0.0:
+    if stop_after is not None and not 0.0 < stop_after < math.inf:
         raise InputError("--stop-after", "seconds above 0", f"{stop_after:g}", "Change it.")
-    kind = scheme_named(scheme or before.get("scheme", "accurate"))
+    kind = scheme_named(scheme or before.scheme)
     folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
@@ -205,8 +203,8 @@ def run(
             name,
             kind,
             flow=flow,
-            seed=seed if seed is not None else int(before.get("seed", 0)),
-            realisations=realisations or before.get("realisations"),
+            seed=seed if seed is not None else before.seed,
+            realisations=realisations or before.realisations,
             folder=RunFolder(folder, resume, force, checkpoint_seconds, stop_after),
             report=report,
         )
@@ -249,12 +247,12 @@ def compare(
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
-    if not longest > 0.0:
-        raise InputError("--longest", "seconds above 0", f"{longest:g}", "Change it.")
+    if not 0.0 < longest < math.inf:
+        raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
     if out is not None:
         _new_folder(out, "", force)
     with ProgressReporter() as report:
-        if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
+        if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
             field = scene_flow(scene, flow, report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
@@ -326,12 +324,20 @@ def figures(runs: Names, /, *, out: Path | None = None, force: Force = False) ->
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
+    if out is not None:
+        _new_folder(out, "", force)
     results = [Result.load(path) for path in runs]
-    folder = _new_folder(out, "figures", force)
+    folder = _new_folder(out, "figures")
     folder.mkdir(parents=True, exist_ok=True)
     with ProgressReporter() as report:
         draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))
     _print(str(folder))
+
+
+def _leave_quietly() -> NoReturn:
+    """The reader of our output (head, less) has gone: nothing is left to say."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(1)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
@@ -344,10 +350,13 @@ def main(tokens: Sequence[str] | None = None) -> None:
     except CycloptsError as error:
         sys.stderr.write(f"ellipsoid: {error}\nSee ellipsoid --help.\n")
         sys.exit(InputError.exit_status)
+    except (MemoryError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            _leave_quietly()
+        # Nothing that a check before the run could know: a full disk, a file removed meanwhile.
+        found = readable(str(error)) or type(error).__name__
+        sys.stderr.write(f"ellipsoid: the system refused: {found}\n")
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("ellipsoid: interrupted\n")
         sys.exit(130)
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)

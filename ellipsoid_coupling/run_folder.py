@@ -21,8 +21,10 @@ from typing import Any
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.files import Arrays, cannot_write, read_arrays, whole_file, write_arrays
-from ellipsoid_coupling.scenes.files import table_to_toml
+from ellipsoid_coupling.files import Arrays, cannot_write, whole_file, write_arrays
+from ellipsoid_coupling.inputs import exists, output_folder, read_arrays, read_text
+from ellipsoid_coupling.limits import MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
 RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
 
@@ -85,7 +87,7 @@ class RunFolder:
         try:
             _lock(handle, self.path)
             self.check()
-            if self.resume and (self.path / RUN_FILE).exists():
+            if self.resume and exists(self.path / RUN_FILE):
                 self._require_same({"run": run, "scene": scene})
             else:
                 self._begin({"run": run, "versions": _versions(), "scene": scene})
@@ -140,9 +142,9 @@ class RunFolder:
             If it is damaged, or not a checkpoint of this package.
         """
         file = self.path / CHECKPOINT_FILE
-        if not self.resume or not os.path.lexists(file):
+        if not self.resume or not exists(file):
             return None
-        arrays = read_arrays(file, "a whole checkpoint")
+        arrays = read_arrays(file, "a whole checkpoint", memory_limit())
         try:
             known = json.loads(str(arrays.pop("meta")))["format"] == _FORMAT
         except (KeyError, ValueError, TypeError):
@@ -184,27 +186,12 @@ def require_free(path: Path, *, force: bool) -> None:
     ------
     InputError
     """
-    where = f"--out {path}"
-    try:
-        os.fsencode(path)
-        if "\0" in str(path):
-            raise ValueError("a name with a NUL character")
-        held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
-        parent = path
-        while not parent.exists() and parent != parent.parent:
-            parent = parent.parent
-        writable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK, effective_ids=True)
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise InputError(where, "a folder", f"{why}", "Choose another --out.") from None
-    if not writable:
-        raise InputError(
-            where, "a folder that can be written", f"{parent} cannot", "Choose another --out."
-        )
+    output_folder(path)
+    held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     if held and not force:
         shown = ", ".join(held[:3]) + (", ..." if len(held) > 3 else "")
         raise InputError(
-            where,
+            f"--out {path}",
             "a new or empty folder",
             f"one that holds {shown}",
             "Choose another --out, or overwrite with --force (a run: continue with --resume).",
@@ -213,12 +200,8 @@ def require_free(path: Path, *, force: bool) -> None:
 
 def read_run_file(file: Path) -> dict[str, Any]:
     """The tables of a run.toml; InputError where it is none."""
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            str(file), "the run.toml of a run", f"{error}", "Use another --out."
-        ) from None
+    text = read_text(file, "the run.toml of a run", MOST_SCENE_BYTES)
+    return parse_toml(text, str(file))
 
 
 def _lock(handle: int, path: Path) -> None:

@@ -12,7 +12,8 @@ from benchmark_tools import Floats, Row, Sizes, seconds, with_threads
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compare import errors_against, exact_reference
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.cells import cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import KERNEL_OPTIONS, for_each
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.interaction import pairs
 from ellipsoid_coupling.models import Setup, build_model, parts
 from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
@@ -81,7 +80,6 @@ def test_without_interaction_nobody_looks_for_neighbours(
     def forbidden(*_: object) -> None:
         raise AssertionError("a part that the scene does not have was built")
 
-    monkeypatch.setattr(pairs, "cell_grid", forbidden)
     monkeypatch.setattr(parts, "cell_grid", forbidden)
     monkeypatch.setattr(parts, "scene_walls", forbidden)
     model = model_of("rotation", {"interaction": None}, rotation_flow)

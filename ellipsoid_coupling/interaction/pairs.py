@@ -120,7 +120,12 @@ def _meet_the_rest(t: int, count: int, buffer: Floats, felt: Floats, shape: Pote
     rest = t + 1
     sum_x, sum_y, sum_theta = _meet(
         (buffer[X, t], buffer[Y, t], buffer[C2, t], buffer[S2, t]),
-        (buffer[X, rest:count], buffer[Y, rest:count], buffer[C2, rest:count], buffer[S2, rest:count]),
+        (
+            buffer[X, rest:count],
+            buffer[Y, rest:count],
+            buffer[C2, rest:count],
+            buffer[S2, rest:count],
+        ),
         (felt[0, rest:count], felt[1, rest:count], felt[2, rest:count]),
         shape,
     )
@@ -130,9 +135,7 @@ def _meet_the_rest(t: int, count: int, buffer: Floats, felt: Floats, shape: Pote
 
 
 @kernel
-def _runs(
-    cell: int, row: int, sources: Sources, grid: CellGrid, runs: Integers
-) -> tuple[int, int]:
+def _runs(cell: int, row: int, sources: Sources, grid: CellGrid, runs: Integers) -> tuple[int, int]:
     """The runs of a cell's picture above: begin and end (3, 2); how many, and their particles."""
     column = cell - row * grid.columns
     low = max(column - CELLS_PER_REACH, 0)

@@ -69,19 +69,17 @@ def exp_of_negative(x: float) -> float:
     (remainder 2e-16) in parts that the processor adds up side by side, and 2^n written into the
     exponent bits.
     """
-    n = np.floor(x * LOG2_E + 0.5)
+    n: float = np.floor(x * LOG2_E + 0.5)
     r = x - n * LN2_HIGH - n * LN2_LOW
     r2 = r * r
     low = (1.0 + r) + r2 * (0.5 + r * (1.0 / 6.0))
     middle = (1.0 / 24.0 + r * (1.0 / 120.0)) + r2 * (1.0 / 720.0 + r * (1.0 / 5040.0))
-    high = (1.0 / 40320.0 + r * (1.0 / 362880.0)) + r2 * (
-        1.0 / 3628800.0 + r * (1.0 / 39916800.0)
-    )
+    high = (1.0 / 40320.0 + r * (1.0 / 362880.0)) + r2 * (1.0 / 3628800.0 + r * (1.0 / 39916800.0))
     r4 = r2 * r2
     high += r4 * (1.0 / 479001600.0)
     bits = np.float64(n + TO_LOW_BITS).view(np.int64)
-    power = np.int64((bits + 1023) << 52).view(np.float64)
-    return (low + r4 * (middle + r4 * high)) * power
+    power: float = np.int64((bits + 1023) << 52).view(np.float64)
+    return power * (low + r4 * (middle + r4 * high))
 
 
 @inline_kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes import Scene, Terms
 
 Arrays = dict[str, NDArray[np.generic]]
+Counts = dict[str, Any]
 SchemeName = Literal["paper", "accurate"]
 
 
@@ -62,8 +63,8 @@ class Model(Protocol):
         """Continue from a `state`."""
         ...
 
-    def counts(self) -> dict[str, float]:
-        """Attributes for the result file: steps, rejected steps, mass, ..."""
+    def counts(self) -> Counts:
+        """Attributes for the result file: the log of the steps, mass, ..."""
         ...
 
     def coordinates(self) -> dict[str, NDArray[np.float64]]:

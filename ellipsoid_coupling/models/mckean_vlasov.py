@@ -28,7 +28,7 @@ from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import kernel
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.parts import (
     particle_snapshot,
     scene_drift,
@@ -38,17 +38,17 @@ from ellipsoid_coupling.models.parts import (
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
-from ellipsoid_coupling.schemes.particles.state import (
-    CLOCK_COLUMNS,
-    OUTSIDE,
-    REJECTED,
-    STATUS,
-    STEPS,
-    TIME,
-    ParticleState,
-)
+from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER, over_blocks
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
+    OUTSIDE,
+    STATUS,
+    TIME,
+    new_clock,
+    step_log,
+)
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +88,8 @@ def start_state(setup: Setup) -> ParticleState:
     place = np.full((blocks, 3 if setup.terms.angle else 2, size), scene.start.angle)
     place[:, :2] = points
     zeros = np.zeros_like(place)
-    return ParticleState(place, zeros, zeros.copy(), np.zeros((1, CLOCK_COLUMNS)), None)
+    clock = new_clock(1, scene.numerics.time_step, GIVEN)
+    return ParticleState(place, zeros, zeros.copy(), clock, None)
 
 
 @kernel
@@ -230,12 +231,10 @@ class McKeanVlasov:
         for name, array in state.items():
             current[name][...] = array
 
-    def counts(self) -> dict[str, float]:
-        """Steps, repeated steps, samples and harmonics."""
+    def counts(self) -> Counts:
+        """The steps, samples and harmonics."""
         clock = self._state.clock[0]
-        return {
-            "steps": float(clock[STEPS]),
-            "rejected_steps": float(clock[REJECTED]),
+        return step_log(self._state.clock) | {
             "samples": float(self._state.place[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
             "particles_outside_flow": float(clock[OUTSIDE]),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE, LargeCloud
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.parts import (
     particle_snapshot,
     scene_drift,
@@ -24,17 +24,17 @@ from ellipsoid_coupling.models.parts import (
 )
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
 from ellipsoid_coupling.schemes.particles import SCHEMES
-from ellipsoid_coupling.schemes.particles.state import (
-    CLOCK_COLUMNS,
-    OUTSIDE,
-    REJECTED,
-    STATUS,
-    STEPS,
-    TIME,
-    ParticleState,
-)
+from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
+    OUTSIDE,
+    STATUS,
+    TIME,
+    new_clock,
+    step_log,
+)
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def start_state(setup: Setup) -> ParticleState:
     high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
     for k in range(realisations):
         place[k, :2] = low + (high - low) * start_positions(setup.seed, k, number)
-    clock = np.zeros((realisations, CLOCK_COLUMNS))
+    clock = new_clock(realisations, scene.numerics.time_step, GIVEN)
     return ParticleState(place, np.zeros(shape), np.zeros(shape), clock, None)
 
 
@@ -150,12 +150,10 @@ class Microscopic:
         for name, array in state.items():
             current[name][...] = array
 
-    def counts(self) -> dict[str, float]:
-        """Steps of the realisation that took most, and of all together those repeated."""
+    def counts(self) -> Counts:
+        """The steps and the mass, which particles keep."""
         clock = self._state.clock
-        return {
-            "steps": float(clock[:, STEPS].max()),
-            "rejected_steps": float(clock[:, REJECTED].sum()),
+        return step_log(clock) | {
             "particles_outside_flow": float(clock[:, OUTSIDE].sum()),
             "mass_start": 1.0,
             "mass_end": 1.0,

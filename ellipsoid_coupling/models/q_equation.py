@@ -22,7 +22,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
-from ellipsoid_coupling.models.base import Arrays, SchemeName, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
@@ -41,7 +41,15 @@ from ellipsoid_coupling.schemes.q_grid import (
     start_angles,
 )
 from ellipsoid_coupling.schemes.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
-from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, STEP_TOO_SMALL
+from ellipsoid_coupling.schemes.status import MEANING, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    CFL,
+    STEPS,
+    TIME,
+    advance_by_limits,
+    new_clock,
+    step_log,
+)
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +61,6 @@ _STEPPERS: dict[tuple[str, SchemeName], type[QStepper]] = {
 }
 
 _STEPS_PER_CALL = 4
-_SMALLEST_STEP = 1e-12
-_TIME, _STEPS = range(2)
 
 
 class QEquation:
@@ -78,7 +84,7 @@ class QEquation:
         self.grid = self.system.grid
         self.stepper: QStepper = stepper(self.system)
         self.stepper.prepare()
-        self._clock = np.zeros(2)
+        self.clock = new_clock(1, np.inf, CFL)
         # Under pressure characteristics do not cross.
         single = self.system.pressure == 0.0
         self._crossing = CrossingDetector(self.system.terms.damping) if single else None
@@ -87,34 +93,33 @@ class QEquation:
     @property
     def time(self) -> float:
         """The time reached."""
-        return float(self._clock[_TIME])
+        return float(self.clock[0, TIME])
 
     def _mass(self) -> float:
         return float(inside(self.system.fields)[Q].sum() * self.grid.volume)
 
     def advance(self, until: float) -> None:
         """Some steps, each as long as the CFL number allows."""
-        for _ in range(_STEPS_PER_CALL):
-            remaining = until - self.time
-            if remaining <= 0.0:
-                return
-            allowed = self.stepper.largest_step
-            if allowed == 0.0:
-                raise self._failure(NOT_FINITE)
-            if not allowed > _SMALLEST_STEP * until:
-                raise self._failure(STEP_TOO_SMALL)
-            steps = np.ceil(remaining / allowed * (1.0 - 1e-12))
-            self.stepper.step(remaining / max(steps, 1.0), int(self._clock[_STEPS]))
-            self._clock[_TIME] = until if steps <= 1.0 else until - remaining * (1.0 - 1.0 / steps)
-            self._clock[_STEPS] += 1
-            if self._crossing is not None:
-                self._crossing.look(self.system.fields, self.grid.plane.cell, self.time)
+        status = advance_by_limits(self, until, _STEPS_PER_CALL)
+        if status != RUNNING:
+            raise self._failure(status)
+
+    def allowed_step(self) -> tuple[float, int]:
+        """What the CFL number allows, the acceleration within the step included."""
+        return self.stepper.largest_step
+
+    def try_step(self, dt: float) -> bool:
+        """Step by dt; never refused, since the allowed step counts the acceleration in."""
+        self.stepper.step(dt, int(self.clock[0, STEPS]))
+        if self._crossing is not None:
+            self._crossing.look(self.system.fields, self.grid.plane.cell, self.time + dt)
+        return True
 
     def _failure(self, status: int) -> RunError:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self._clock[_STEPS])}: {what}. {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -138,7 +143,7 @@ class QEquation:
         """Fields, clock and what the stepper and the detector remember."""
         arrays: Arrays = {
             "fields": self.system.fields,
-            "clock": self._clock,
+            "clock": self.clock,
             "memory": self.stepper.memory,
         }
         if self._crossing is not None:
@@ -153,16 +158,19 @@ class QEquation:
         self.system.look_for_mass()
         self.stepper.prepare()
 
-    def counts(self) -> dict[str, float]:
-        """Steps, the mass balance and, if they have, when characteristics crossed."""
+    def counts(self) -> Counts:
+        """The steps, the mass balance and, if they have, when characteristics crossed."""
         mass = self._mass()
         crossing = {} if self._crossing is None else self._crossing.counts()
-        return crossing | {
-            "steps": float(self._clock[_STEPS]),
-            "mass_start": self._mass_start,
-            "mass_end": mass,
-            "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
-        }
+        return (
+            step_log(self.clock)
+            | crossing
+            | {
+                "mass_start": self._mass_start,
+                "mass_end": mass,
+                "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
+            }
+        )
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""

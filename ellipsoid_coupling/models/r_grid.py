@@ -15,7 +15,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import threads_for
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
@@ -30,7 +30,15 @@ from ellipsoid_coupling.schemes.sources import (
     set_drift,
 )
 from ellipsoid_coupling.schemes.splitting import Splitting
-from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, STEP_TOO_SMALL
+from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    CFL,
+    STEPS,
+    TIME,
+    advance_by_limits,
+    new_clock,
+    step_log,
+)
 from ellipsoid_coupling.schemes.sweeps import sweep
 
 Floats = NDArray[np.float64]
@@ -38,8 +46,6 @@ Floats = NDArray[np.float64]
 _STEPS_PER_CALL = 4
 # A sweep over so many cells takes some 0.1 ms: sharing less costs more than it gains.
 _CELLS_PER_THREAD = 5000
-_SMALLEST_STEP = 1e-12
-_TIME, _STEPS, _REJECTED = range(3)
 
 
 class RGridEquation:
@@ -68,7 +74,7 @@ class RGridEquation:
         if setup.terms.angle:
             self.fields[ANGLE] = self.fields[RHO] * scene.start.angle
         self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
-        self._clock = np.zeros(3)
+        self.clock = new_clock(1, np.inf, CFL)
         self._mass_start = self._mass()
         self.evaluate_drift()
 
@@ -80,7 +86,7 @@ class RGridEquation:
     @property
     def time(self) -> float:
         """The time reached."""
-        return float(self._clock[_TIME])
+        return float(self.clock[0, TIME])
 
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
@@ -119,33 +125,29 @@ class RGridEquation:
     def advance(self, until: float) -> None:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
         with threads_for(self.grid.nx * self.grid.ny, _CELLS_PER_THREAD):
-            for _ in range(_STEPS_PER_CALL):
-                remaining = until - self.time
-                if remaining <= 0.0:
-                    return
-                allowed = self._splitting.largest_step(self, self._setup.scene.numerics.cfl)
-                dt = remaining / np.ceil(remaining / allowed * (1.0 - 1e-12)) if allowed else 0.0
-                self._step(dt if np.isfinite(allowed) else remaining, until)
-
-    def _step(self, dt: float, until: float) -> None:
-        before = self.fields.copy()
-        while not self._splitting.step(self, dt, int(self._clock[_STEPS])):
-            self.fields[:] = before
-            self._clock[_REJECTED] += 1
-            dt *= 0.5
-            if not dt > _SMALLEST_STEP * until:
-                raise self._failure(STEP_TOO_SMALL)
-        remaining = until - self._clock[_TIME]
-        self._clock[_TIME] = until if dt == remaining else self._clock[_TIME] + dt
-        self._clock[_STEPS] += 1
+            status = advance_by_limits(self, until, _STEPS_PER_CALL)
         if not np.isfinite(self.drift).all() or not np.isfinite(self._mass()):
-            raise self._failure(NOT_FINITE)
+            status = NOT_FINITE
+        if status != RUNNING:
+            raise self._failure(status)
+
+    def allowed_step(self) -> tuple[float, int]:
+        """What the CFL number, the force and the torque allow, see `Splitting.largest_step`."""
+        return self._splitting.largest_step(self, self._setup.scene.numerics.cfl)
+
+    def try_step(self, dt: float) -> bool:
+        """Step by dt; False, with all fields as before, if that was too long."""
+        before, drift = self.fields.copy(), self.drift.copy()
+        if self._splitting.step(self, dt, int(self.clock[0, STEPS])):
+            return True
+        self.fields[:], self.drift[:] = before, drift
+        return False
 
     def _failure(self, status: int) -> RunError:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self._clock[_STEPS])}: {what}. {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -161,7 +163,7 @@ class RGridEquation:
 
     def state(self) -> Arrays:
         """Fields, drift and clock."""
-        return {"fields": self.fields, "drift": self.drift, "clock": self._clock}
+        return {"fields": self.fields, "drift": self.drift, "clock": self.clock}
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
@@ -169,12 +171,10 @@ class RGridEquation:
         for name, array in state.items():
             current[name][...] = array
 
-    def counts(self) -> dict[str, float]:
-        """Steps, repeated steps and the mass balance."""
+    def counts(self) -> Counts:
+        """The steps and the mass balance."""
         mass = self._mass()
-        return {
-            "steps": float(self._clock[_STEPS]),
-            "rejected_steps": float(self._clock[_REJECTED]),
+        return step_log(self.clock) | {
             "mass_start": self._mass_start,
             "mass_end": mass,
             "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.schemes.crossing import CrossingDetector
@@ -36,15 +36,18 @@ class RhoEquation(RGridEquation):
         super().__init__(name, setup, splitting)
         self._crossing = CrossingDetector(self.terms.damping)
 
-    def _step(self, dt: float, until: float) -> None:
-        super()._step(dt, until)
-        self._crossing.look(self.fields, self.cell, self.time)
+    def try_step(self, dt: float) -> bool:
+        """As every r-grid equation's, with a look at the characteristics where it was taken."""
+        taken = super().try_step(dt)
+        if taken:
+            self._crossing.look(self.fields, self.cell, self.time + dt)
+        return taken
 
     def state(self) -> Arrays:
         """Fields, drift, clock and what the crossing detector remembers."""
         return super().state() | {"crossing": self._crossing.memory}
 
-    def counts(self) -> dict[str, float]:
+    def counts(self) -> Counts:
         """As every r-grid equation's and, if they have, when characteristics crossed."""
         return super().counts() | self._crossing.counts()
 

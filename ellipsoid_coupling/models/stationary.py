@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.fixed_point import Anderson
@@ -146,7 +146,7 @@ class StationaryState:
         self._potential = np.array(state["potential"], dtype=np.float64)
         self._clock[:] = state["clock"]
 
-    def counts(self) -> dict[str, float]:
+    def counts(self) -> Counts:
         """Iterations, residual (integral of |q - exp(-V - U*q)/Z|), Z and the mass."""
         density, log_constant = self._boltzmann(self._potential)
         return {

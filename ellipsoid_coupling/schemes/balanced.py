@@ -36,7 +36,7 @@ from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
-from ellipsoid_coupling.schemes.q_sources import accelerations, exact_gain, largest_step
+from ellipsoid_coupling.schemes.q_sources import accelerations, exact_gain, largest_step, shorter
 from ellipsoid_coupling.schemes.q_splitting import QSystem
 
 Floats = NDArray[np.float64]
@@ -66,17 +66,18 @@ class BalancedHeun:
             self._note_pull(self._potential(0.0))
 
     @property
-    def largest_step(self) -> float:
+    def largest_step(self) -> tuple[float, int]:
         """From the fastest signal, the forces within the step included."""
         system = self._system
         limits = system.limits()._replace(sound=SIGNAL)
         shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
-        for distance, pull in zip(limits.distances, self.memory, strict=False):
-            # dt (distance/shortest + pull dt/2) = distance, which no cell exceeds.
-            speed = distance / shortest if shortest > 0.0 else np.inf
-            root = speed + math.sqrt(speed * speed + 2.0 * float(pull) * distance)
-            shortest = 2.0 * distance / root
-        return float(shortest)
+        steps = [shortest[0], shortest[0], shortest[1]]
+        for d, distance in enumerate(limits.distances):
+            # dt (distance/step + pull dt/2) = distance, which no cell exceeds.
+            speed = distance / steps[d] if steps[d] > 0.0 else np.inf
+            root = speed + math.sqrt(speed * speed + 2.0 * float(self.memory[d]) * distance)
+            steps[d] = 2.0 * distance / root if root > 0.0 else np.inf
+        return shorter((min(steps[:2]), steps[2]))
 
     def step(self, dt: float, count: int) -> None:
         """See the module."""

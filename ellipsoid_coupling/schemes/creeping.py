@@ -29,6 +29,8 @@ from ellipsoid_coupling.schemes.sources import (
     turn,
 )
 from ellipsoid_coupling.schemes.splitting import SplitEquation
+from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
+from ellipsoid_coupling.schemes.step_control import ROTATION
 
 Floats = NDArray[np.float64]
 
@@ -110,12 +112,12 @@ def mobilities(terms: CellTerms) -> tuple[float, float]:
     return 1.0 / terms.damping, spin
 
 
-def _flight_time(fields: Floats, distance: float) -> float:
+def _flight_time(fields: Floats, distance: float) -> tuple[float, int]:
     """The dt in which nothing flies further than `distance` or turns beyond the largest turn."""
     speed, spin = largest_rates(fields)
     return min(
-        distance / speed if speed > 0.0 else np.inf,
-        _LARGEST_TURN / spin if spin > 0.0 else np.inf,
+        (distance / speed if speed > 0.0 else np.inf, CFL_NUMBER),
+        (_LARGEST_TURN / spin if spin > 0.0 else np.inf, ROTATION),
     )
 
 
@@ -127,7 +129,7 @@ class CreepingEuler:
     def __init__(self) -> None:
         self._flux = Force(0.0)
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         return _flight_time(equation.fields, cfl * equation.cell)
 
@@ -159,7 +161,7 @@ class CreepingHeun:
     def __init__(self) -> None:
         self._flux = Ballistic()
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         return _flight_time(equation.fields, cfl * equation.cell)
 

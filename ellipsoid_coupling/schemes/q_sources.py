@@ -24,6 +24,7 @@ from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
 from ellipsoid_coupling.schemes.sources import CellTerms
+from ellipsoid_coupling.schemes.step_control import CFL, ROTATION
 
 Floats = NDArray[np.float64]
 
@@ -116,6 +117,15 @@ class Limits(NamedTuple):
     sound: float
 
 
+# The step that flights in space and that turning allow.
+Steps = tuple[float, float]
+
+
+def shorter(steps: Steps) -> tuple[float, int]:
+    """The shorter of both, and what it is limited by."""
+    return min((steps[0], CFL), (steps[1], ROTATION))
+
+
 @kernel
 def _shortest_step(
     fields: Floats,
@@ -124,16 +134,20 @@ def _shortest_step(
     rates: Floats,
     distances: Floats | None,
     sound: float,
-) -> float:
-    """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance."""
-    shortest = np.inf
+    shortest: Floats,
+) -> None:
+    """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance.
+
+    shortest : (2,) overwritten, for space and for the angle.
+    """
+    shortest[:] = np.inf
     if distances is None:
-        return shortest
+        return
     a, j, begin = at
     q = fields[Q, a, j]
     for d in range(distances.size):
         momentum = fields[QVX + d, a, j]
-        rate, distance = rates[d], distances[d]
+        rate, distance, least = rates[d], distances[d], np.inf
         for i in range(out.shape[1]):
             here = q[begin + i]
             # Vacuum is what is not more than 0, so that NaN is none and shows.
@@ -143,8 +157,9 @@ def _shortest_step(
             root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
             step = 2.0 * distance / root
             # Not finite counts as a step of length 0, so that the caller notices.
-            shortest = min(shortest, step) if step >= 0.0 else 0.0
-    return shortest
+            least = min(least, step) if step >= 0.0 else 0.0
+        kind = 1 if d == 2 else 0
+        shortest[kind] = min(shortest[kind], least)
 
 
 @parallel_kernel
@@ -156,15 +171,15 @@ def _relax(
     change: tuple[float, float, float, float],
     distances: Floats | None,
     sound: float,
-) -> float:
+) -> Steps:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
-    change : decay and gain of v, then of omega. Returns the step that the new velocities allow.
+    change : decay and gain of v, then of omega. Returns the steps that the new velocities allow.
     """
     rows = extents.shape[1]
-    shortest = np.full(extents.shape[0] * rows, np.inf)
+    shortest = np.full((extents.shape[0] * rows, 2), np.inf)
     rates = np.array([terms.damping, terms.damping, terms.angular_damping])
-    for task in numba.prange(shortest.size):
+    for task in numba.prange(shortest.shape[0]):
         a, j = task // rows, task % rows
         first = extents[a, j, 0]
         width = max(extents[a, j, 1] - first, 0)
@@ -179,8 +194,8 @@ def _relax(
             for i in range(width):
                 momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
         at = a + GHOSTS, j + GHOSTS, begin
-        shortest[task] = _shortest_step(fields, at, out, rates, distances, sound)
-    return float(shortest.min())
+        _shortest_step(fields, at, out, rates, distances, sound, shortest[task])
+    return shortest[:, 0].min(), shortest[:, 1].min()
 
 
 def _relaxed(
@@ -190,7 +205,7 @@ def _relaxed(
     forces: AngleForces | None,
     change: tuple[float, float, float, float],
     limits: Limits | None,
-) -> float:
+) -> Steps:
     distances, sound = (None, 0.0) if limits is None else limits
     return _relax(fields, extents, terms, forces, change, distances, sound)
 
@@ -202,7 +217,7 @@ def kick_exactly(
     forces: AngleForces | None,
     dt: float,
     limits: Limits | None = None,
-) -> float:
+) -> Steps:
     """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place.
 
     With `limits`, returns `largest_step` of the new velocities, found on the way.
@@ -225,7 +240,7 @@ def step_implicitly(
     forces: AngleForces | None,
     dt: float,
     limits: Limits | None = None,
-) -> float:
+) -> Steps:
     """One implicit Euler step, v1 = (v + dt F)/(1 + dt Gamma), in place; the paper's treatment.
 
     Returns what `kick_exactly` does.
@@ -241,9 +256,9 @@ def largest_step(
     terms: CellTerms,
     forces: AngleForces | None,
     limits: Limits,
-) -> float:
-    """The step in which no cell's mass moves farther than it may, its acceleration included.
+) -> Steps:
+    """The steps in which no cell's mass moves farther than it may, its acceleration included.
 
-    Infinite where nothing moves, 0 where a velocity is not finite.
+    One for space, one for the angle; infinite where nothing moves, 0 where a velocity is not finite.
     """
     return _relaxed(fields, extents, terms, forces, (1.0, 0.0, 1.0, 0.0), limits)

@@ -19,8 +19,10 @@ from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
 from ellipsoid_coupling.schemes.q_sources import (
     Limits,
+    Steps,
     kick_exactly,
     largest_step,
+    shorter,
     step_implicitly,
 )
 from ellipsoid_coupling.schemes.q_transport import transport
@@ -111,8 +113,8 @@ class QStepper(Protocol):
         ...
 
     @property
-    def largest_step(self) -> float:
-        """The step that the CFL number allows now; 0 if the solution is no longer finite."""
+    def largest_step(self) -> tuple[float, int]:
+        """The step that the CFL number allows now, and its reason; 0 if not finite any more."""
         ...
 
     def step(self, dt: float, count: int) -> None:
@@ -128,7 +130,7 @@ class _Forced:
     def __init__(self, system: QSystem) -> None:
         self._system = system
         self._forces: AngleForces | None = None
-        self._allowed = 0.0
+        self._allowed: Steps = (0.0, 0.0)
         self.memory = np.zeros(0)
 
     def prepare(self) -> None:
@@ -140,9 +142,9 @@ class _Forced:
         )
 
     @property
-    def largest_step(self) -> float:
+    def largest_step(self) -> tuple[float, int]:
         """From the fastest cell, accelerated by half a step."""
-        return self._allowed
+        return shorter(self._allowed)
 
 
 class Godunov(_Forced):

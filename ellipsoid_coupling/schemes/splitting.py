@@ -20,6 +20,8 @@ from ellipsoid_coupling.schemes.sources import (
     step_implicitly,
     turn,
 )
+from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
+from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +55,8 @@ class Splitting(Protocol):
 
     order: int
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
-        """The step that the CFL number allows now."""
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
+        """The step that the CFL number allows now, and its reason."""
         ...
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
@@ -68,7 +70,7 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root > 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, cfl: float) -> float:
+def _cfl_step(equation: SplitEquation, cfl: float) -> tuple[float, int]:
     """As long as nothing flies further than cfl cells.
 
     Speeds grow by the drift F, but with damping Gamma never beyond F/Gamma: the better of the two
@@ -79,7 +81,8 @@ def _cfl_step(equation: SplitEquation, cfl: float) -> float:
     distance, damping = cfl * equation.cell, equation.terms.damping
     growing = _step_for(speed, force, distance)
     terminal = max(speed, force / damping) if damping > 0.0 else np.inf
-    return max(growing, _step_for(terminal, 0.0, distance))
+    dt = max(growing, _step_for(terminal, 0.0, distance))
+    return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
 
 
 class GodunovSplitting:
@@ -90,11 +93,13 @@ class GodunovSplitting:
     def __init__(self, pressure: float) -> None:
         self._flux = Force(pressure)
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest cell; from rest, as far as the drift leads."""
         speed, _ = largest_rates(equation.fields)
         distance = cfl * equation.cell
-        return _step_for(speed, 0.0, distance) if speed > 0.0 else _cfl_step(equation, cfl)
+        if speed > 0.0:
+            return _step_for(speed, 0.0, distance), CFL_NUMBER
+        return _cfl_step(equation, cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -114,11 +119,11 @@ class KickDriftKick:
     def __init__(self) -> None:
         self._flux = Ballistic()
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> float:
+    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         _, spin = largest_rates(equation.fields)
         torque = float(np.abs(equation.drift[2:]).max(initial=0.0))
-        return min(_cfl_step(equation, cfl), _step_for(spin, torque, _LARGEST_TURN))
+        return min(_cfl_step(equation, cfl), (_step_for(spin, torque, _LARGEST_TURN), ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred."""

@@ -18,17 +18,16 @@ from ellipsoid_coupling.schemes.particles.exponential import (
     phi_functions,
     place_variance,
 )
-from ellipsoid_coupling.schemes.particles.state import (
-    CLOCK_COLUMNS,
+from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.schemes.status import NOT_FINITE
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
     REJECTED,
     STATUS,
     STEPS,
     TIME,
-    Limits,
-    ParticleState,
-    Rates,
+    new_clock,
 )
-from ellipsoid_coupling.schemes.status import NOT_FINITE
 
 Floats = NDArray[np.float64]
 NO_DRIFT = Drift(None, 0.0, None, 0.0, None, None, None)
@@ -37,7 +36,7 @@ BOTH = pytest.mark.parametrize("stepper", list(SCHEMES.values()), ids=list(SCHEM
 
 def state_at(place: Floats, velocity: Floats, noise: Floats | None = None) -> ParticleState:
     """One realisation; place and velocity (D, N)."""
-    clock = np.zeros((1, CLOCK_COLUMNS))
+    clock = new_clock(1, np.inf, GIVEN)
     return ParticleState(place[None].copy(), velocity[None].copy(), 0 * place[None], clock, noise)
 
 

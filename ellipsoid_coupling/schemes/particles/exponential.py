@@ -32,22 +32,27 @@ from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.schemes.particles.state import (
-    NEXT_STEP,
-    OUTSIDE,
-    REJECTED,
-    SMALLEST_STEP,
-    STATUS,
-    STEPS,
-    TIME,
+    ANGLE,
     Limits,
     ParticleState,
     Rates,
     all_finite,
     bounce,
-    equal_steps,
     noise_rows,
 )
-from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
+from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    ANGLE_ERROR,
+    NEXT_STEP,
+    OUTSIDE,
+    POSITION_ERROR,
+    STATUS,
+    STEPS,
+    TIME,
+    accept,
+    equal_steps,
+    reject,
+)
 
 Floats = NDArray[np.float64]
 
@@ -267,6 +272,19 @@ def squared_errors(
 
 
 @kernel
+def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
+    """The error over the tolerance of the worst degree of freedom, and which kind it is.
+
+    squares : (D,) mean squares, as of `squared_errors`.
+    """
+    worst, kind = 0.0, POSITION_ERROR
+    for d in range(squares.size):
+        if not squares[d] <= worst:
+            worst, kind = squares[d], ANGLE_ERROR if d == ANGLE else POSITION_ERROR
+    return math.sqrt(worst) / tolerance, kind
+
+
+@kernel
 def _try_step(
     state: ParticleState,
     k: int,
@@ -276,16 +294,13 @@ def _try_step(
     limits: Limits,
     trial: Trial,
     dt: float,
-) -> float:
-    """Predict and evaluate; returns the error estimate over the tolerance."""
+) -> tuple[float, int]:
+    """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
     predict_step(state, k, noise, rates, limits, trial, dt)
     state.clock[k, OUTSIDE] = particle_forces(drift, trial.folded, trial.force)
     squares = np.empty(state.place.shape[1])
     squared_errors(state, k, rates, limits, trial, dt, squares)
-    worst = 0.0
-    for square in squares:
-        worst = max(worst, square)
-    return math.sqrt(worst) / limits.tolerance
+    return largest_error(squares, limits.tolerance)
 
 
 @kernel
@@ -333,8 +348,7 @@ def _advance_one(
     clock = state.clock[k]
     shape = state.place[k].shape
     trial = Trial(np.empty(shape), np.empty(shape), np.ones(shape), np.empty(shape))
-    if clock[NEXT_STEP] == 0.0:
-        clock[NEXT_STEP] = limits.step
+    if clock[STEPS] == 0.0:
         clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
     for step in range(steps):
         remaining = until - clock[TIME]
@@ -342,18 +356,13 @@ def _advance_one(
             return
         dt = equal_steps(remaining, clock[NEXT_STEP])
         noise = noise_rows(state.noise, k, step)
-        error = _try_step(state, k, noise, drift, rates, limits, trial, dt)
-        factor = step_factor(error)
-        # A step cut short to meet `until` says nothing against the longer one planned.
-        clock[NEXT_STEP] = dt * factor if factor < 1.0 else max(clock[NEXT_STEP], dt * factor)
+        error, kind = _try_step(state, k, noise, drift, rates, limits, trial, dt)
+        planned = dt * step_factor(error)
         if not error <= 1.0 and _may_repeat(state.noise):
-            clock[REJECTED] += 1
-            if dt * factor < SMALLEST_STEP * until:
-                clock[STATUS] = STEP_TOO_SMALL
+            reject(clock, until, planned, kind)
             continue
         accept_step(state, k, noise, rates, limits, trial, dt)
-        clock[STEPS] += 1
-        clock[TIME] = until if dt == remaining else clock[TIME] + dt
+        accept(clock, until, dt, planned, kind)
         if not all_finite(state.velocity[k]):
             clock[STATUS] = NOT_FINITE
 

@@ -17,19 +17,22 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.schemes.particles.state import (
-    OUTSIDE,
-    STATUS,
-    STEPS,
-    TIME,
     Limits,
     ParticleState,
     Rates,
     all_finite,
     bounce,
-    equal_steps,
     noise_rows,
 )
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
+    OUTSIDE,
+    STATUS,
+    TIME,
+    accept,
+    equal_steps,
+)
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +80,6 @@ def _step(
     clock = state.clock[k]
     clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
     move(state, k, step, rates, limits, dt)
-    clock[STEPS] += 1
     if not all_finite(state.place[k]):
         clock[STATUS] = NOT_FINITE
 
@@ -99,7 +101,7 @@ def _advance_one(
             return
         dt = equal_steps(remaining, limits.step)
         _step(state, k, step, drift, rates, limits, dt)
-        clock[TIME] = until if dt == remaining else clock[TIME] + dt
+        accept(clock, until, dt, limits.step, GIVEN)
 
 
 def advance(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,13 +15,6 @@ Floats = NDArray[np.float64]
 # Degrees of freedom, the second axis of the state; ANGLE is there only if something turns.
 X, Y, ANGLE = range(3)
 
-# Columns of `ParticleState.clock`.
-TIME, NEXT_STEP, STEPS, REJECTED, OUTSIDE, STATUS = range(6)
-CLOCK_COLUMNS = 6
-
-# A step below this part of `until` cannot be meant.
-SMALLEST_STEP = 1e-12
-
 
 class ParticleState(NamedTuple):
     """All realisations (R) of all degrees of freedom (D = 3, or 2 where nothing turns).
@@ -33,9 +25,8 @@ class ParticleState(NamedTuple):
         Positions and angle; velocities and angular velocity.
     force : (R, D, N)
         The drift at `place` without its linear part, per mass and per inertia.
-    clock : (R, 6)
-        Each realisation's time, next step size, counts of steps and of rejected steps, the number
-        of particles outside the flow, and its status.
+    clock : (R, CLOCK_COLUMNS)
+        See `schemes.step_control`.
     noise : (R, steps, components, N) or None
         Standard normal numbers; None without noise.
     """
@@ -83,12 +74,6 @@ class Limits(NamedTuple):
     tolerance: float
     scale: Floats
     box: Floats | None
-
-
-@kernel
-def equal_steps(remaining: float, largest: float) -> float:
-    """The step that reaches the end in the fewest equal steps, none above `largest`."""
-    return remaining / math.ceil(remaining / largest * (1.0 - 1e-12))
 
 
 @kernel

@@ -8,7 +8,6 @@ Steps and noise are otherwise those of `microscopic`: one block without interact
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -20,25 +19,24 @@ from ellipsoid_coupling.schemes.particles import exponential, leapfrog
 from ellipsoid_coupling.schemes.particles.exponential import (
     Trial,
     accept_step,
+    largest_error,
     predict_step,
     squared_errors,
     step_factor,
 )
-from ellipsoid_coupling.schemes.particles.state import (
+from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates, noise_rows
+from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
+from ellipsoid_coupling.schemes.step_control import (
+    GIVEN,
     NEXT_STEP,
     OUTSIDE,
-    REJECTED,
-    SMALLEST_STEP,
     STATUS,
     STEPS,
     TIME,
-    Limits,
-    ParticleState,
-    Rates,
+    accept,
     equal_steps,
-    noise_rows,
+    reject,
 )
-from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
 
 Floats = NDArray[np.float64]
 SetForces = Callable[[Floats, Floats], int]
@@ -143,12 +141,9 @@ def _accept(
         accept_step(state, k, noise, rates, limits, _trial_of(trial, k), dt)
 
 
-def _tick(state: ParticleState, remaining: float, dt: float, until: float) -> None:
-    clock = state.clock[0]
-    clock[STEPS] += 1
-    clock[TIME] = until if dt == remaining else clock[TIME] + dt
+def _check_finite(state: ParticleState) -> None:
     if not np.isfinite(state.velocity).all():
-        clock[STATUS] = NOT_FINITE
+        state.clock[0, STATUS] = NOT_FINITE
 
 
 def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt: float) -> None:
@@ -177,7 +172,8 @@ def advance_leapfrog(
         dt = equal_steps(remaining, limits.step)
         clock[OUTSIDE] = set_forces(state.place, state.force)
         _move_all(state, step, rates, limits, dt)
-        _tick(state, remaining, dt, until)
+        accept(clock, until, dt, limits.step, GIVEN)
+        _check_finite(state)
 
 
 class _Exponential:
@@ -191,8 +187,8 @@ class _Exponential:
         self.trial = Trial(np.empty(shape), np.empty(shape), np.ones(shape), np.empty(shape))
         self.squares = np.empty(shape[:2])
 
-    def try_step(self, step: int, dt: float) -> float:
-        """Predict and evaluate; returns the error estimate over the tolerance."""
+    def try_step(self, step: int, dt: float) -> tuple[float, int]:
+        """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
         state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
         blocks = state.place.shape[0]
         over_blocks(blocks, lambda a, b: _predict(state, (a, b), step, rates, limits, trial, dt))
@@ -201,7 +197,7 @@ class _Exponential:
             blocks,
             lambda a, b: _measure(state, (a, b), rates, limits, trial, dt, self.squares),
         )
-        return math.sqrt(self.squares.mean(axis=0).max()) / limits.tolerance
+        return largest_error(self.squares.mean(axis=0), limits.tolerance)
 
     def accept(self, step: int, dt: float) -> None:
         """Finish the step that was tried."""
@@ -223,25 +219,21 @@ def advance_exponential(
     """`Stepper` of the scheme `accurate`; the error estimate is the root mean square of all."""
     clock = state.clock[0]
     parts = _Exponential(state, set_forces, rates, limits)
-    if clock[NEXT_STEP] == 0.0:
-        clock[NEXT_STEP] = limits.step
+    if clock[STEPS] == 0.0:
         clock[OUTSIDE] = set_forces(state.place, state.force)
     for step in range(steps):
         remaining = until - clock[TIME]
         if remaining <= 0.0 or clock[STATUS] != RUNNING:
             return
         dt = equal_steps(remaining, clock[NEXT_STEP])
-        error = parts.try_step(step, dt)
-        factor = step_factor(error)
-        # A step cut short to meet `until` says nothing against the longer one planned.
-        clock[NEXT_STEP] = dt * factor if factor < 1.0 else max(clock[NEXT_STEP], dt * factor)
+        error, kind = parts.try_step(step, dt)
+        planned = dt * step_factor(error)
         if not error <= 1.0 and state.noise is None:
-            clock[REJECTED] += 1
-            if dt * factor < SMALLEST_STEP * until:
-                clock[STATUS] = STEP_TOO_SMALL
+            reject(clock, until, planned, kind)
             continue
         parts.accept(step, dt)
-        _tick(state, remaining, dt, until)
+        accept(clock, until, dt, planned, kind)
+        _check_finite(state)
 
 
 TOGETHER = {

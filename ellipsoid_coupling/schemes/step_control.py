@@ -1,0 +1,174 @@
+"""Step control: how every model's steps are chosen, repeated, counted and, in the end, given up.
+
+A scheme says how long a step it allows and what for; from there on all models do the same:
+
+    choose    the fewest equal steps to the next save time, none longer than allowed
+    accept    time and counts go on; the next step is what the scheme plans
+    repeat    a step that turned out too long is taken back and tried shorter
+    stop      below a millionth of a millionth of the time to reach, a step cannot be meant
+
+What has been counted is one row of numbers (a clock) per realisation, so that compiled loops can
+keep it, and checkpoints hold all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
+
+Floats = NDArray[np.float64]
+
+# Columns of a clock. NEXT_STEP is planned because of the reason PLANNED_BY; SHORTEST was at
+# SHORTEST_AT; from FIRST_COUNT on stand the numbers of steps that each reason has limited.
+TIME, NEXT_STEP, PLANNED_BY, STEPS, REJECTED, OUTSIDE, STATUS = range(7)
+SHORTEST, SHORTEST_AT, LONGEST, FIRST_COUNT = range(7, 11)
+
+# What limits a step.
+SAVE_TIME, GIVEN, CFL, FORCE, ROTATION, POSITION_ERROR, ANGLE_ERROR, REPEATED = range(8)
+REASONS = (
+    "save times",
+    "given step",
+    "CFL number",
+    "force",
+    "rotation",
+    "position error",
+    "angle error",
+    "repeated step",
+)
+CLOCK_COLUMNS = FIRST_COUNT + len(REASONS)
+
+# A step below this part of the time to reach cannot be meant.
+SMALLEST_STEP = 1e-12
+# A step that was refused is tried again at this part; after each accepted one it may grow likewise.
+_SHORTER = 0.5
+# Steps this much shorter than planned were cut to meet a save time.
+_CUT = 1.0 - 1e-9
+
+
+def new_clock(rows: int, first_step: float, reason: int) -> Floats:
+    """Clocks at time 0, (rows, CLOCK_COLUMNS) float64, whose first step is planned."""
+    clock = np.zeros((rows, CLOCK_COLUMNS))
+    clock[:, NEXT_STEP], clock[:, PLANNED_BY], clock[:, SHORTEST] = first_step, reason, np.inf
+    return clock
+
+
+@kernel
+def equal_steps(remaining: float, largest: float) -> float:
+    """The step that reaches the end in the fewest equal steps, none above `largest`."""
+    if largest >= remaining:
+        return remaining
+    return remaining / math.ceil(remaining / largest * (1.0 - 1e-12))
+
+
+@kernel
+def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int) -> None:
+    """A step of dt is done; plan `next_step`, which `reason` limits. One row, in place.
+
+    A step cut short to meet `until` says nothing against the longer one that was planned.
+    """
+    planned = clock[NEXT_STEP]
+    limit = int(clock[PLANNED_BY])
+    remaining = until - clock[TIME]
+    if dt >= remaining and dt < _CUT * planned:
+        limit = SAVE_TIME
+    clock[FIRST_COUNT + limit] += 1.0
+    clock[STEPS] += 1.0
+    if dt < clock[SHORTEST]:
+        clock[SHORTEST], clock[SHORTEST_AT] = dt, clock[TIME]
+    clock[LONGEST] = max(clock[LONGEST], dt)
+    clock[TIME] = until if dt >= remaining else clock[TIME] + dt
+    if next_step < dt or next_step > planned:
+        clock[NEXT_STEP], clock[PLANNED_BY] = next_step, reason
+
+
+@kernel
+def reject(clock: Floats, until: float, shorter: float, reason: int) -> None:
+    """A step was too long: plan a shorter one, or give up. One row, in place."""
+    clock[REJECTED] += 1.0
+    clock[NEXT_STEP], clock[PLANNED_BY] = shorter, reason
+    if not shorter > SMALLEST_STEP * until:
+        clock[STATUS] = STEP_TOO_SMALL
+
+
+class Steppable(Protocol):
+    """What `advance_by_limits` steps: an equation on a grid."""
+
+    clock: Floats
+
+    def allowed_step(self) -> tuple[float, int]:
+        """The step that the present state allows and its reason; 0 if it is not finite."""
+        ...
+
+    def try_step(self, dt: float) -> bool:
+        """Step by dt; False if that was too long, everything as before."""
+        ...
+
+
+def advance_by_limits(equation: Steppable, until: float, steps: int) -> int:
+    """At most `steps` steps of an equation whose state tells beforehand how long they may be.
+
+    After a refused step the following ones grow back by doubling.
+
+    Returns
+    -------
+    int
+        A status of `schemes.status`.
+    """
+    clock = equation.clock[0]
+    for _ in range(steps):
+        remaining = until - clock[TIME]
+        if remaining <= 0.0:
+            break
+        allowed, reason = equation.allowed_step()
+        if not allowed > SMALLEST_STEP * until:
+            return STEP_TOO_SMALL if allowed > 0.0 else NOT_FINITE
+        held = clock[NEXT_STEP] if clock[PLANNED_BY] == REPEATED else np.inf
+        if held <= allowed:
+            allowed, reason = held, REPEATED
+        clock[NEXT_STEP], clock[PLANNED_BY] = allowed, reason
+        dt = equal_steps(remaining, allowed)
+        while not equation.try_step(dt):
+            reject(clock, until, _SHORTER * dt, REPEATED)
+            if clock[STATUS] != RUNNING:
+                return int(clock[STATUS])
+            dt = equal_steps(remaining, clock[NEXT_STEP])
+        grown = dt / _SHORTER if clock[PLANNED_BY] == REPEATED else np.inf
+        accept(clock, until, dt, grown, REPEATED)
+    return RUNNING
+
+
+def step_log(clock: Floats) -> dict[str, Any]:
+    """What the result file says of the steps: counts, extremes, and what limited them.
+
+    Parameters
+    ----------
+    clock : (rows, CLOCK_COLUMNS) float64
+
+    Returns
+    -------
+    dict
+        steps (of the row that took most), rejected_steps (of all), shortest_step, longest_step,
+        shortest_step_time, and step_limits, such as "CFL number 83 %, save times 17 %".
+    """
+    log: dict[str, Any] = {
+        "steps": float(clock[:, STEPS].max()),
+        "rejected_steps": float(clock[:, REJECTED].sum()),
+    }
+    counts = clock[:, FIRST_COUNT:].sum(axis=0)
+    if not counts.any():
+        return log
+    row = int(clock[:, SHORTEST].argmin())
+    order = [int(k) for k in np.argsort(-counts, kind="stable") if counts[k] > 0.0]
+    parts = [f"{REASONS[k]} {100.0 * counts[k] / counts.sum():.3g} %" for k in order]
+    return log | {
+        "shortest_step": float(clock[row, SHORTEST]),
+        "shortest_step_time": float(clock[row, SHORTEST_AT]),
+        "longest_step": float(clock[:, LONGEST].max()),
+        "step_limits": ", ".join(parts),
+    }

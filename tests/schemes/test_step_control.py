@@ -1,0 +1,114 @@
+"""Step control by itself: what is chosen, counted, repeated and given up, on an equation of one number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
+from ellipsoid_coupling.schemes.step_control import (
+    CFL,
+    FIRST_COUNT,
+    NEXT_STEP,
+    ROTATION,
+    TIME,
+    advance_by_limits,
+    equal_steps,
+    new_clock,
+    step_log,
+)
+
+
+class Toy:
+    """Allows steps of `allowed(t)`; refuses those above `refused_above(t)`; keeps the steps taken."""
+
+    def __init__(
+        self,
+        allowed: Callable[[float], float],
+        refused_above: Callable[[float], float] = lambda _t: np.inf,
+    ) -> None:
+        self.clock = new_clock(1, np.inf, CFL)
+        self.allowed, self.refused_above = allowed, refused_above
+        self.steps: list[float] = []
+
+    def allowed_step(self) -> tuple[float, int]:
+        return self.allowed(float(self.clock[0, TIME])), CFL
+
+    def try_step(self, dt: float) -> bool:
+        if not dt <= self.refused_above(float(self.clock[0, TIME])):
+            return False
+        self.steps.append(dt)
+        return True
+
+
+def test_equal_steps_meet_the_end_and_none_is_too_long() -> None:
+    rng = np.random.default_rng(0)
+    for largest in 10.0 ** rng.uniform(-6, 3, 200):
+        dt = equal_steps(1.0, float(largest))
+        assert dt <= largest * (1.0 + 1e-12)
+        assert 1.0 / dt == pytest.approx(round(1.0 / dt), rel=1e-12)
+        assert dt > 0.5 * min(largest, 1.0)
+    assert equal_steps(1.0, np.inf) == 1.0
+
+
+def test_time_meets_save_times_exactly_and_steps_add_up() -> None:
+    toy = Toy(lambda _t: 0.07)
+    for until in (0.3, 0.5, 1.7):
+        assert advance_by_limits(toy, until, 1000) == RUNNING
+        assert toy.clock[0, TIME] == until
+    assert sum(toy.steps) == pytest.approx(1.7, rel=1e-13)
+    log = step_log(toy.clock)
+    assert log["steps"] == len(toy.steps) == toy.clock[0, FIRST_COUNT:].sum()
+    assert log["shortest_step"] == min(toy.steps)
+    assert log["longest_step"] == max(toy.steps)
+
+
+def test_work_may_be_cut_into_calls_anywhere() -> None:
+    """The same steps, bit for bit, five a call or one."""
+    whole, parts = Toy(lambda t: 0.01 + 0.1 * t), Toy(lambda t: 0.01 + 0.1 * t)
+    advance_by_limits(whole, 2.0, 1000)
+    while parts.clock[0, TIME] < 2.0:
+        advance_by_limits(parts, 2.0, 1)
+    assert whole.steps == parts.steps
+
+
+def test_a_refused_step_is_halved_and_grows_back_by_doubling() -> None:
+    """Between t = 1 and 1.2 only 0.01 works, else 0.1: nine refusals would be one a step."""
+    toy = Toy(lambda _t: 0.1, lambda t: 0.01 if 1.0 <= t < 1.2 else 1.0)
+    advance_by_limits(toy, 2.0, 1000)
+    log = step_log(toy.clock)
+    assert log["rejected_steps"] < 0.6 * len(toy.steps)
+    assert log["shortest_step"] <= 0.01
+    assert 1.0 <= log["shortest_step_time"] < 1.2
+    assert toy.steps[-1] == pytest.approx(0.1, rel=0.1)
+    assert "repeated step" in log["step_limits"]
+
+
+def test_nothing_that_moves_means_one_step_a_save_time() -> None:
+    toy = Toy(lambda _t: np.inf)
+    for until in (1.0, 5.0):
+        advance_by_limits(toy, until, 10)
+    assert toy.steps == [1.0, 4.0]
+    assert step_log(toy.clock)["step_limits"] == "save times 100 %"
+
+
+def test_the_log_tells_the_limits_in_order() -> None:
+    toy = Toy(lambda _t: 0.25)
+    advance_by_limits(toy, 1.0, 100)
+    toy.clock[0, FIRST_COUNT + ROTATION] += 1.0
+    assert step_log(toy.clock)["step_limits"] == "CFL number 80 %, rotation 20 %"
+
+
+@pytest.mark.parametrize(("allowed", "status"), [(1e-14, STEP_TOO_SMALL), (0.0, NOT_FINITE)])
+def test_a_step_that_cannot_be_meant_stops(allowed: float, status: int) -> None:
+    assert advance_by_limits(Toy(lambda _t: allowed), 1.0, 10) == status
+
+
+def test_repeating_has_an_end() -> None:
+    """Forty halvings are 1e-12."""
+    toy = Toy(lambda _t: 1.0, lambda _t: 0.0)
+    assert advance_by_limits(toy, 1.0, 10) == STEP_TOO_SMALL
+    assert toy.clock[0, NEXT_STEP] == pytest.approx(2.0**-40)
+    assert toy.steps == []

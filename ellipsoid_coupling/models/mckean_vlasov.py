@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction.cells import Sources
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import Pairs, Sources
+from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import Walls
+from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.drift import Drift
-from ellipsoid_coupling.interaction.pairs import Pairs, Sources, cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene

@@ -13,14 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField, analytic_flow
+from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import (
-    Pairs,
-    Sources,
-    add_pair_forces,
-    cell_grid,
-    sort_by_cell,
-)
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
 from ellipsoid_coupling.models.mckean_vlasov import McKeanVlasov

@@ -266,25 +266,31 @@ def compare(
 
 
 @app.command
-def stability(*, out: Path | None = None, force: Force = False) -> None:
+def stability(*, out: Path | None = None, quick: bool = False, force: Force = False) -> None:
     """Run stiff and extreme cases with every model and scheme, and map what stays stable.
 
     Parameters
     ----------
     out
-        Folder of the table and the figure; results/... if left out.
+        Folder of the table, the picture and the page that explains it; results/... if left out.
+    quick
+        A third of the cases.
     """
-    from ellipsoid_coupling.compare.stability import map_stability, write_stability
-    from ellipsoid_coupling.output.figures import draw_stability
+    from ellipsoid_coupling.compare.stability import chosen_cases, map_stability
+    from ellipsoid_coupling.output.stability_report import (
+        SUMMARY_COLUMNS,
+        report_stability,
+        summary_rows,
+    )
 
-    folder = _new_folder(out, "stability", force)
+    cases = chosen_cases(quick=quick)
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
-        cells = map_stability(report)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_stability(cells, folder)
-    draw_stability(cells, folder / "stability.png")
-    rows = [(c.case, c.model, c.scheme, c.verdict, c.detail) for c in cells]
-    print_table("Stability", ("case", "model", "scheme", "verdict", "detail"), rows)
+        fields = map_stability(cases, report=report)
+    folder = _new_folder(out, "stability")
+    report_stability(fields, cases, folder)
+    print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(fields))
     _print(str(folder))
 
 

@@ -77,7 +77,7 @@ def tabulate(h: float, widths: Floats, angles: int, shape: tuple[float, ...], ou
     """grad_r U and dU/dtheta of every offset and pair of angles: out (2R+1, 2R+1, 3, n, n)."""
     reach = out.shape[0] // 2
     for task in numba.prange(out.shape[0]):
-        constants = PotentialShape(shape[0], shape[1], shape[2])
+        constants = PotentialShape(shape[0], shape[1], shape[2], shape[3])
         j = task - reach
         width = int(widths[abs(j)])
         for i in range(-width, width + 1):

@@ -133,9 +133,10 @@ def _r_levels(scene: Scene) -> list[Level]:
 
 
 def _q_levels(scene: Scene) -> list[Level]:
-    """The start box has three cells or more on the coarsest level."""
+    """The start box has three cells or more on the coarsest level; points have no size."""
     domain, start = scene.domain, scene.start
     box = min(start.x[1] - start.x[0], start.y[1] - start.y[0])
+    box = box if start.points is None else domain.width
     coarsest = max(_FEWEST_Q_CELLS, int(np.ceil(_Q_CELLS_PER_START_BOX * domain.width / box)))
     coarsest += coarsest % 2
     levels = []

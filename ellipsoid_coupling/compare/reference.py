@@ -31,7 +31,7 @@ _LARGEST_STEP = 0.01
 def has_exact_reference(scene: Scene) -> bool:
     """Whether `exact_reference` can solve the scene."""
     noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    return scene.interaction is None and not noisy
+    return scene.interaction is None and not noisy and scene.start.points is None
 
 
 @kernel
@@ -126,8 +126,8 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     if not has_exact_reference(scene):
         raise InputError(
             f"scene {scene.name}",
-            "no interaction and no noise",
-            "at least one of them",
+            "no interaction, no noise and a start box",
+            "interaction, noise or start.points",
             "Compare with the microscopic ensemble instead.",
         )
     setup = Setup(scene, terms_of(scene), "accurate", flow, 0, 1)

@@ -29,10 +29,10 @@ from ellipsoid_coupling.interaction.angle_spectra import (
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
 from ellipsoid_coupling.interaction.spectra import (
     LANES,
-    LEAST_SINGLE_TOLERANCE,
     Indices,
     Precision,
     Real,
+    precision_for,
     stride,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
@@ -104,8 +104,7 @@ class AngleGridInteraction:
         self.angles = distinct_angles(grid_shape[0], shape)
         scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
         sign = -1.0 if quantity == "forces" else 1.0
-        single = tolerance >= LEAST_SINGLE_TOLERANCE
-        self._precision: Precision = np.float32 if single else np.float64
+        self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         self._spectra = angle_spectra(grid_shape, h, shape, sign * scale, quantity, self._precision)
 
     def forces(self, density: Array) -> AngleForces:

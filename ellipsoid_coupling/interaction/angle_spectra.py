@@ -179,11 +179,11 @@ def _sample(
     out: Array,
 ) -> None:
     """One entry of `pair_potential` at the offsets (j, i), j >= 0: out[j, a, b, R + i]."""
-    shape_factor, size, reach = shape
+    shape_factor, size, reach, bluntness = shape
     n = cosines.size
     for task in numba.prange(out.shape[0] * n):
         j, a = task // n, task % n
-        constants = PotentialShape(shape_factor, size, reach)
+        constants = PotentialShape(shape_factor, size, reach, bluntness)
         _sample_offsets((h, j, widths[j], entry), (cosines, sines), a, constants, out[j, a])
 
 

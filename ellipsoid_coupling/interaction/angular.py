@@ -177,9 +177,9 @@ def _sample(
     distances: Array, cosines: Array, sines: Array, shape: tuple[float, ...], out: Array
 ) -> None:
     """Gradients at (distance, theta, thetabar), the other particle lying in the x direction."""
-    shape_factor, size, reach = shape
+    shape_factor, size, reach, bluntness = shape
     for k in numba.prange(distances.size):
-        constants = PotentialShape(shape_factor, size, reach)
+        constants = PotentialShape(shape_factor, size, reach, bluntness)
         for i in range(cosines.size):
             _sample_row(
                 distances[k], (cosines[i], sines[i]), (cosines, sines), constants, out[k, :, i]

@@ -99,13 +99,13 @@ def _sum_rows(
 ) -> None:
     # Numba's parallel loops take arrays and numbers, not named tuples: out of them, and in again.
     h, scale, shape, widths = setup
-    shape_factor, size, reach = shape
+    shape_factor, size, reach, bluntness = shape
     c2, s2, density, extents = fields
     for k in numba.prange(rows.size):
         _sum_row(
             rows[k],
             _Fields(c2, s2, density, extents),
-            _Setup(h, scale, PotentialShape(shape_factor, size, reach), widths),
+            _Setup(h, scale, PotentialShape(shape_factor, size, reach, bluntness), widths),
             force,
             torque,
         )

@@ -20,11 +20,11 @@ from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fiel
 from ellipsoid_coupling.interaction.spectra import (
     COMPONENT_PARITY,
     LANES,
-    LEAST_SINGLE_TOLERANCE,
     Indices,
     Real,
     Spectra,
     basis_parity,
+    precision_for,
     stride,
     transform,
 )
@@ -60,8 +60,8 @@ class HarmonicInteraction:
         check_grid(grid_shape, series.h)
         self.grid_shape = grid_shape
         self.series = series
-        single = series.tolerance >= LEAST_SINGLE_TOLERANCE
-        self._precision = np.float32 if single else np.float64
+        sizes = series.h**2, series.shape.size, strength
+        self._precision = precision_for(series.tolerance, *sizes)
         self._spectra = transform(series, grid_shape, strength, self._precision)
 
     def __call__(self, density: Array, angle: Array) -> Forces:

@@ -71,10 +71,10 @@ def _sample(
     reach: int, h: float, axes: tuple[Array, Array], shape: tuple[float, ...], out: Array
 ) -> None:
     """U/eps0 at all offsets of a periodic grid, (angle, other angle, y, x), in place."""
-    shape_factor, size, distance = shape
+    shape_factor, size, distance, bluntness = shape
     c2, s2 = axes
     for a in numba.prange(c2.size):
-        constants = PotentialShape(shape_factor, size, distance)
+        constants = PotentialShape(shape_factor, size, distance, bluntness)
         for b in range(c2.size):
             for j in range(-reach, reach + 1):
                 for i in range(-reach, reach + 1):

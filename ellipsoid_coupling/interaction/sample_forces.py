@@ -40,9 +40,9 @@ from ellipsoid_coupling.interaction.sample_splines import (
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
-    LEAST_SINGLE_TOLERANCE,
     Indices,
     Spectra,
+    precision_for,
     transform,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape
@@ -56,6 +56,10 @@ NODES_PER_WIDTH = 4.0
 # The spline's basis function decays by 0.27 a node: images this many nodes further are not felt.
 _TAIL = 8
 _MOST_HARMONICS = 60
+# The tables of a potential that is steeper for its reach (aspect ratio above 5.3) fill the memory.
+_MOST_NODES_IN_REACH = 60.0
+# Numbers in the spectra, 4 or 8 bytes each.
+_MOST_ENTRIES = 2.5e8
 
 
 class SampleInteraction:
@@ -78,7 +82,7 @@ class SampleInteraction:
     Raises
     ------
     InputError
-        If the tolerance takes more than 60 harmonics.
+        If the tolerance takes more than 60 harmonics, or more than 1 GB.
     """
 
     def __init__(
@@ -91,17 +95,15 @@ class SampleInteraction:
         tolerance: float,
     ) -> None:
         h = width / NODES_PER_WIDTH
+        _require(shape.reach <= _MOST_NODES_IN_REACH * h, shape, tolerance)
         self.nodes = _cover(x_range, y_range, h)
         series = angular_series(shape, h, tolerance, _MOST_HARMONICS)
-        if series is None:
-            raise InputError(
-                "interaction of samples",
-                f"a tolerance that {_MOST_HARMONICS} harmonics reach",
-                f"{tolerance} for a shape factor of {shape.shape_factor:.3g}",
-                "Raise numerics.harmonics_tolerance or make the particles rounder.",
-            )
+        _require(series is not None, shape, tolerance)
+        assert series is not None
+        entries = 3 * (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
+        _require(entries <= _MOST_ENTRIES, shape, tolerance)
         self.harmonics = series.harmonics
-        self._precision = np.float32 if tolerance >= LEAST_SINGLE_TOLERANCE else np.float64
+        self._precision = precision_for(tolerance, h * h, shape.size, strength)
         padded = self.nodes.rows + _TAIL, self.nodes.columns + _TAIL
         # `transform` makes cells' spectra, with h^2 in them; a sample has its whole mass.
         self._spectra = _undo_splines(transform(series, padded, strength / h**2, self._precision))
@@ -144,6 +146,16 @@ class SampleInteraction:
         sources = np.zeros((functions, self.nodes.rows, self.nodes.columns))
         add_parts(partial, first, offsets, 1.0 / (place.shape[0] * place.shape[2]), sources)
         return sources
+
+
+def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:
+    if not holds:
+        raise InputError(
+            "interaction of samples by harmonics",
+            f"a tolerance that {_MOST_HARMONICS} harmonics and 1 GB reach",
+            f"{tolerance} for a shape factor of {shape.shape_factor:.3g}",
+            'Raise numerics.harmonics_tolerance, or set numerics.interaction = "direct".',
+        )
 
 
 def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:

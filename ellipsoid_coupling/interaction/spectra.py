@@ -34,6 +34,15 @@ STRIDES = (4, 2, 1)
 
 # Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
 LEAST_SINGLE_TOLERANCE = 1e-4
+# Single precision ends at 1e38: products of three such sizes still fit.
+_MODERATE = (1e-12, 1e12)
+
+
+def precision_for(tolerance: float, *sizes: float) -> Precision:
+    """Single precision where the tolerance allows it and all `sizes` that enter are moderate."""
+    moderate = all(_MODERATE[0] < abs(size) < _MODERATE[1] for size in sizes)
+    return np.float32 if tolerance >= LEAST_SINGLE_TOLERANCE and moderate else np.float64
+
 
 # Parity under y -> -y of the force's x and y component and of the torque.
 COMPONENT_PARITY = (1, -1, -1)

@@ -160,9 +160,9 @@ def _row_forces(
     out: Array,
 ) -> None:
     """sum_j of dU/dy and dU/dtheta over the row of ghost cells d = 1 .. R rows below."""
-    shape_factor, size, reach = shape
+    shape_factor, size, reach, bluntness = shape
     for k in numba.prange(out.shape[1]):
-        constants = PotentialShape(shape_factor, size, reach)
+        constants = PotentialShape(shape_factor, size, reach, bluntness)
         d = k + 1
         for j in range(-widths[d], widths[d] + 1):
             for a in range(cosines.size):

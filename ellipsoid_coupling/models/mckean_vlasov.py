@@ -5,13 +5,14 @@
     domega = [gamma_bar (g - omega) - 1/I_c int dU/dtheta f - dV2/dtheta - (B^2/2) omega] dt + B dW
 
 f is the density of S samples, S = particles.number * realisations. Without noise they start evenly
-spread over the start box (a square number of them, as near to S as there is); their paths then are
-quadrature points of f, and the error falls like 1/S. With noise they start at random and draw what
-realisation k, particle i of `microscopic` draws, so that the two can be compared path by path, in the
-scheme `paper` step by step; the error falls like 1/sqrt(S).
+spread over the start box (a square number of them, as near to S as there is) or all lie at
+start.points; their paths then are quadrature points of f, and the error falls like 1/S. With noise
+they start at random and draw what realisation k, particle i of `microscopic` draws, so that the two
+can be compared path by path, in the scheme `paper` step by step; the error falls like 1/sqrt(S).
 
-Walls act as in `microscopic`: by their ghost particles, summed exactly, and by reflection. Where the
-domain is open, samples further out than two ranges of the potential no longer interact.
+Few samples, and slender ones, interact pair by pair, many by harmonics (`sample_choice`). Walls act as
+in `microscopic`: by their ghost particles, summed exactly, and by reflection. By harmonics, samples
+further out of an open domain than two ranges of the potential no longer interact.
 """
 
 from __future__ import annotations
@@ -26,19 +27,23 @@ from ellipsoid_coupling.interaction.cells import Sources
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs import Pairs
+from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
     particle_snapshot,
+    random_points,
     scene_drift,
     scene_limits,
     scene_rates,
+    start_at_rest,
 )
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER, over_blocks
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
@@ -68,16 +73,6 @@ def even_points(scene: Scene, samples: int) -> Floats:
     return np.stack(np.meshgrid(x, y), axis=1)
 
 
-def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
-    """Where `microscopic` starts: (realisations, 2, N)."""
-    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
-    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
-    number = scene.particles.number
-    return np.array(
-        [low + (high - low) * start_positions(seed, k, number) for k in range(realisations)]
-    )
-
-
 def start_state(setup: Setup) -> ParticleState:
     """All samples at rest, at the start angle; blocks are rows of points or realisations."""
     scene, realisations = setup.scene, setup.realisations
@@ -85,12 +80,9 @@ def start_state(setup: Setup) -> ParticleState:
         points = random_points(scene, setup.seed, realisations)
     else:
         points = even_points(scene, scene.particles.number * realisations)
-    blocks, _, size = points.shape
-    place = np.full((blocks, 3 if setup.terms.angle else 2, size), scene.start.angle)
-    place[:, :2] = points
-    zeros = np.zeros_like(place)
+    place, velocity = start_at_rest(setup, points)
     clock = new_clock(1, scene.numerics.time_step, GIVEN)
-    return ParticleState(place, zeros, zeros.copy(), clock, None)
+    return ParticleState(place, velocity, velocity.copy(), clock, None)
 
 
 @kernel
@@ -114,19 +106,21 @@ def _own_forces(
         _add_ghosts(walls[0], walls[1], place[k], force[k])
 
 
-def _scene_samples(scene: Scene) -> SampleInteraction | None:
+def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePairs | None:
     if scene.interaction is None:
         return None
     particles, domain = scene.particles, scene.domain
     shape = potential_shape(particles.length, particles.width)
     margin = 0.0 if domain.boundary == "reflecting" else _RANGES_BEYOND * shape.reach
-    return SampleInteraction(
+    return choose_samples(
         (domain.x[0] - margin, domain.x[1] + margin),
         (domain.y[0] - margin, domain.y[1] + margin),
         shape,
         particles.width,
         scene.interaction.strength,
-        scene.numerics.harmonics_tolerance,
+        samples=samples,
+        tolerance=scene.numerics.harmonics_tolerance,
+        method=scene.numerics.interaction,
     )
 
 
@@ -143,12 +137,13 @@ class McKeanVlasov:
         drift = scene_drift(setup)
         self._drift = drift._replace(pairs=None)
         self._walls = self._ghosts(drift.pairs)
-        self._interaction = _scene_samples(setup.scene)
         particles = setup.scene.particles
         self._weights = (1.0 / particles.mass, 1.0 / particles.inertia)
         self._rates = scene_rates(setup)
         self._limits = scene_limits(setup)
         self._state = start_state(setup)
+        samples = self._state.place.shape[0] * self._state.place.shape[2]
+        self._interaction = _scene_samples(setup.scene, samples)
         self._blocks = np.zeros(1, np.int64)
 
     @staticmethod
@@ -212,7 +207,7 @@ class McKeanVlasov:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""
-        blocks = particle_snapshot(self._state, self._setup.scene.start.angle)
+        blocks = particle_snapshot(self._state, self._setup.scene)
         return {name: values.reshape(1, -1) for name, values in blocks.items()}
 
     def state(self) -> Arrays:

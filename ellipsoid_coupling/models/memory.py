@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.interaction.pairs import CELLS_PER_REACH
+from ellipsoid_coupling.interaction.cells import CELLS_PER_REACH
 from ellipsoid_coupling.interaction.sample_forces import NODES_PER_WIDTH
 from ellipsoid_coupling.limits import in_words, memory_limit
 from ellipsoid_coupling.models.base import Setup

@@ -19,11 +19,13 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
     particle_snapshot,
+    random_points,
     scene_drift,
     scene_limits,
     scene_rates,
+    start_at_rest,
 )
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER
@@ -45,18 +47,11 @@ _STEPS_PER_CALL = 16
 
 
 def start_state(setup: Setup) -> ParticleState:
-    """All realisations at rest, evenly random in the start box, at the start angle."""
+    """All realisations at rest, evenly random in the start box or at start.points."""
     scene, realisations = setup.scene, setup.realisations
-    number = scene.particles.number
-    shape = (realisations, 3 if setup.terms.angle else 2, number)
-    place = np.empty(shape)
-    place[:, 2:] = scene.start.angle
-    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
-    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
-    for k in range(realisations):
-        place[k, :2] = low + (high - low) * start_positions(setup.seed, k, number)
+    place, velocity = start_at_rest(setup, random_points(scene, setup.seed, realisations))
     clock = new_clock(realisations, scene.numerics.time_step, GIVEN)
-    return ParticleState(place, np.zeros(shape), np.zeros(shape), clock, None)
+    return ParticleState(place, velocity, velocity.copy(), clock, None)
 
 
 def one_of(state: ParticleState, k: int) -> ParticleState:
@@ -132,7 +127,7 @@ class Microscopic:
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (R, N)."""
-        return particle_snapshot(self._state, self._setup.scene.start.angle)
+        return particle_snapshot(self._state, self._setup.scene)
 
     def state(self) -> Arrays:
         """Positions, velocities, drift, clocks and the number of noise blocks used."""

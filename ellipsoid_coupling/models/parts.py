@@ -14,6 +14,7 @@ from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.grid import Grid
+from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.schemes.sources import CellTerms
 from ellipsoid_coupling.schemes.survey import survey_particles
@@ -105,18 +106,51 @@ def scene_limits(setup: Setup) -> Limits:
     )
 
 
-def particle_snapshot(state: ParticleState, start_angle: float) -> Arrays:
+def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
+    """Uniform over the start box, (realisations, 2, N): one stream of numbers a realisation."""
+    low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
+    high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
+    number = scene.particles.number
+    return np.array(
+        [low + (high - low) * start_positions(seed, k, number) for k in range(realisations)]
+    )
+
+
+def start_at_rest(setup: Setup, points: Floats) -> tuple[Floats, Floats]:
+    """Places (blocks, D, n) and velocities 0 of particles at `points` (blocks, 2, n).
+
+    With start.points these are where all realisations start, whatever `points` are.
+    """
+    start = setup.scene.start
+    places = np.array(start.places())
+    if places.size:
+        points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
+    blocks, _, size = points.shape
+    place = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
+    place[:, :2] = points
+    if places.size:
+        place[:, 2:] = places[:, 2]
+    return place, np.zeros_like(place)
+
+
+def _still_angles(scene: Scene) -> Floats | float:
+    """Where nothing turns: each point's own angle, or that of all."""
+    places = scene.start.places()
+    return np.array([angle for _, _, angle in places]) if places else scene.start.own_angle
+
+
+def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
     """x, y, angle, velocity_x, velocity_y, angular_velocity, each a copy (R, N).
 
-    Where nothing turns, the angle is `start_angle` and the angular velocity 0.
+    Where nothing turns, the angle is that of the start and the angular velocity 0.
     """
     place, velocity = state.place, state.velocity
     turns = place.shape[1] == 3
-    still = np.full(place[:, 0].shape, start_angle)
+    still = np.zeros(place[:, 0].shape) + _still_angles(scene)
     return {
         "x": place[:, 0].copy(),
         "y": place[:, 1].copy(),
-        "angle": place[:, 2].copy() if turns else still,
+        "angle": (place[:, 2] if turns else still) + scene.start.turns,
         "velocity_x": velocity[:, 0].copy(),
         "velocity_y": velocity[:, 1].copy(),
         "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),

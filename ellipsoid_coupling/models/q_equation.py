@@ -30,7 +30,7 @@ from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.balanced import BalancedHeun
 from ellipsoid_coupling.schemes.crossing import CrossingDetector
-from ellipsoid_coupling.schemes.grid import scene_grid, start_density
+from ellipsoid_coupling.schemes.grid import cell_of, scene_grid, start_density
 from ellipsoid_coupling.schemes.q_grid import (
     QOMEGA,
     QVX,
@@ -142,10 +142,11 @@ class QEquation:
         return values
 
     def state(self) -> Arrays:
-        """Fields, clock and what the stepper and the detector remember."""
+        """Fields, clock, what has left, and what the stepper and the detector remember."""
         arrays: Arrays = {
             "fields": self.system.fields,
             "clock": self.clock,
+            "left": self.system.left,
             "memory": self.stepper.memory,
         }
         if self._crossing is not None:
@@ -179,15 +180,14 @@ class QEquation:
 
     def counts(self) -> Counts:
         """The steps, the mass balance and, if they have, when characteristics crossed."""
-        mass = self._mass()
         crossing = {} if self._crossing is None else self._crossing.counts()
         return (
             step_log(self.clock)
             | crossing
             | {
                 "mass_start": self._mass_start,
-                "mass_end": mass,
-                "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
+                "mass_end": self._mass(),
+                "mass_left": float(self.system.left[0] * self.grid.volume),
             }
         )
 
@@ -206,9 +206,7 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     if turns:
         check_angles(scene.name, grid.angles)
     fields = np.zeros((4 if terms.angle else 3, *grid.padded))
-    density = start_density(grid.plane, scene) / grid.angle_width
-    parts = start_angles(grid, scene.start.angle)
-    inside(fields)[Q] = parts[:, None, None] * density
+    inside(fields)[Q] = _start(grid, scene)
     interaction = None
     if scene.interaction is not None:
         strength = scene.interaction.strength
@@ -226,6 +224,18 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
         interaction=interaction,
         walls=_wall_forces(scene, grid, shape),
     )
+
+
+def _start(grid: QGrid, scene: Scene) -> Floats:
+    """The density at the start, (na, ny, nx): that of the plane at the start angle, or the points."""
+    places = scene.start.places()
+    if not places:
+        density = start_density(grid.plane, scene) / grid.angle_width
+        return start_angles(grid, scene.start.own_angle)[:, None, None] * density
+    start = np.zeros(grid.shape)
+    for x, y, angle in places:
+        start[(slice(None), *cell_of(grid.plane, x, y))] += start_angles(grid, angle)
+    return np.asarray(start / (len(places) * grid.volume))
 
 
 def _tolerance(scene: Scene, pressure: float) -> float:

@@ -19,8 +19,15 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.grid import Grid, interior, scene_grid, start_density
+from ellipsoid_coupling.schemes.fluxes import AnyFlux
+from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
+from ellipsoid_coupling.schemes.grid import (
+    Grid,
+    interior,
+    scene_grid,
+    start_angle,
+    start_density,
+)
 from ellipsoid_coupling.schemes.sources import (
     ANGLE,
     MOMENTUM_X,
@@ -70,13 +77,18 @@ class RGridEquation:
         self.terms = scene_cell_terms(setup, self.grid)
         self._interaction, self._walls = _scene_interaction(setup, self.grid)
         self._splitting = splitting
+        # The density that mass 1 has all over the domain, a small part of it.
+        self._vacuum = VACUUM / (scene.domain.width * scene.domain.height)
         self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
         interior(self.fields)[RHO] = start_density(self.grid, scene)
+        self._start_angle = start_angle(self.grid, scene)
         if setup.terms.angle:
-            self.fields[ANGLE] = self.fields[RHO] * scene.start.angle
+            interior(self.fields)[ANGLE] = interior(self.fields)[RHO] * self._start_angle
         self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
         self.clock = new_clock(1, np.inf, CFL)
         self._mass_start = self._mass()
+        # What has left through open edges, in units of a cell's density.
+        self._left = np.zeros(1)
         self.evaluate_drift()
 
     @property
@@ -92,11 +104,13 @@ class RGridEquation:
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
 
-    def transport(self, flux: Ballistic | Force, axis: int, dt: float) -> None:
+    def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
         """Move all fields along x (axis -1) or y (-2) for dt, boundary conditions included."""
         normal = MOMENTUM_X if axis == -1 else MOMENTUM_Y
         fill_ghosts(self.fields, axis + 3, self._setup.terms.reflection, normal)
-        sweep(flux, self.fields, axis, normal, dt / self.cell)
+        thin = flux._replace(vacuum=self._vacuum)
+        open_edges = None if self._setup.terms.reflection else self._left
+        sweep(thin, self.fields, axis, normal, dt / self.cell, open_edges)
 
     def evaluate_drift(self) -> None:
         """F and F_bar of the present fields, interaction and walls included."""
@@ -121,7 +135,7 @@ class RGridEquation:
     def _mean_angle(self) -> Floats:
         if self._setup.terms.angle:
             return self._carried(ANGLE)
-        return np.full(self.grid.shape, self._setup.scene.start.angle)
+        return self._start_angle.copy()
 
     def advance(self, until: float) -> None:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
@@ -136,10 +150,10 @@ class RGridEquation:
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all fields as before, if that was too long."""
-        before, drift = self.fields.copy(), self.drift.copy()
+        before, drift, left = self.fields.copy(), self.drift.copy(), self._left.copy()
         if self._splitting.step(self, dt, int(self.clock[0, STEPS])):
             return True
-        self.fields[:], self.drift[:] = before, drift
+        self.fields[:], self.drift[:], self._left[:] = before, drift, left
         return False
 
     def _failure(self, status: int) -> RunError:
@@ -154,15 +168,20 @@ class RGridEquation:
         turns = self._setup.terms.angle
         return {
             "density": interior(self.fields)[RHO].copy(),
-            "mean_angle": self._mean_angle(),
+            "mean_angle": self._mean_angle() + self._setup.scene.start.turns,
             "velocity_x": self._carried(MOMENTUM_X),
             "velocity_y": self._carried(MOMENTUM_Y),
             "angular_velocity": self._carried(SPIN) if turns else np.zeros(self.grid.shape),
         }
 
     def state(self) -> Arrays:
-        """Fields, drift and clock."""
-        return {"fields": self.fields, "drift": self.drift, "clock": self.clock}
+        """Fields, drift, clock and what has left."""
+        return {
+            "fields": self.fields,
+            "drift": self.drift,
+            "clock": self.clock,
+            "left": self._left,
+        }
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
@@ -178,11 +197,10 @@ class RGridEquation:
 
     def counts(self) -> Counts:
         """The steps and the mass balance."""
-        mass = self._mass()
         return step_log(self.clock) | {
             "mass_start": self._mass_start,
-            "mass_end": mass,
-            "mass_left": 0.0 if self._setup.terms.reflection else self._mass_start - mass,
+            "mass_end": self._mass(),
+            "mass_left": float(self._left[0] * self.cell**2),
         }
 
     def coordinates(self) -> dict[str, Floats]:

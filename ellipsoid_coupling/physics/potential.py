@@ -11,7 +11,8 @@ With delta = rbar - r, Delta = theta - thetabar, S = l^2 + d^2, c2 = cos 2 theta
     dU/dtheta = U [ kappa_theta/(2 kappa) - s_theta/(1-s)^2 ]
 
 No matrix inverse and no trigonometric call is left per pair: cos and sin of 2 theta belong to the
-particle. Lengths are in the scene's unit, U in that of eps0.
+particle. As the width goes to 0, kappa of parallel particles grows like (length/width)^2. Lengths
+are in the scene's unit, U in that of eps0.
 """
 
 from __future__ import annotations
@@ -41,11 +42,14 @@ class PotentialShape(NamedTuple):
         S = l^2 + d^2 with l = 2L and d = 2D.
     reach : float
         U vanishes beyond this distance of the centres, whatever the angles: sqrt(2) l.
+    bluntness : float
+        1 - lambda = 2 d^2/S to all digits, of which a needle's lambda has none left.
     """
 
     shape_factor: float
     size: float
     reach: float
+    bluntness: float
 
 
 def potential_shape(length: float, width: float) -> PotentialShape:
@@ -53,7 +57,8 @@ def potential_shape(length: float, width: float) -> PotentialShape:
     long_axis, short_axis = 2.0 * length, 2.0 * width
     size = long_axis**2 + short_axis**2
     shape_factor = (long_axis**2 - short_axis**2) / size
-    return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis)
+    bluntness = 2.0 * short_axis**2 / size
+    return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis, bluntness)
 
 
 # Added to a whole number below 2^51, it leaves that number in the low bits: AVX2 has no other way
@@ -106,13 +111,17 @@ def pair_terms(
     particle, the second one's is its opposite.
     """
     factor, size = shape.shape_factor, shape.size
-    half = 0.5 * factor
+    # 1 - lambda^2 cos^2 Delta and delta - lambda (...), where parallel needles leave no digit, as
+    # sums: (1 - lambda)(1 + lambda) + lambda^2 sin^2 Delta, (1 - lambda) delta + lambda (delta - ...).
+    blunt, half = shape.bluntness, 0.5 * factor
     c, s = c2 + c2b, s2 + s2b
-    mx = dx - half * (c * dx + s * dy)
-    my = dy - half * (s * dx - c * dy)
-    inverse_kappa = 1.0 - half * factor * (1.0 + c2 * c2b + s2 * s2b)
+    mx = blunt * dx + factor * (dx - 0.5 * (c * dx + s * dy))
+    my = blunt * dy + factor * (dy - 0.5 * (s * dx - c * dy))
+    askew = (c2 - c2b) * (c2 - c2b) + (s2 - s2b) * (s2 - s2b)
+    inverse_kappa = blunt * (1.0 + factor) + half * half * askew
     d = size * inverse_kappa
-    q = dx * mx + dy * my
+    # Rounding in cos and sin may leave a needle's s below 0.
+    q = max(dx * mx + dy * my, 0.0)
     inside = 1.0 if q < LARGEST_S * d else 0.0
     q = min(q, LARGEST_S * d)
     rest = d - q

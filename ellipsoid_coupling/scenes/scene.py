@@ -7,8 +7,10 @@ radian.
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Annotated, Literal, Self
+from contextlib import suppress
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
@@ -50,6 +52,8 @@ NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
 Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
 Interval = Annotated[tuple[Number, Number], Strict(False)]
 Line = Annotated[str, AfterValidator(_one_line)]
+Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
+Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
 Sides = Annotated[
     tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False), Field(min_length=1)
 ]
@@ -121,17 +125,70 @@ class Particles(Part):
 
 
 class Start(Part):
-    """The start box Omega_0, filled evenly, and the start angle; all particles start at rest."""
+    """Where the particles start, at rest: the box Omega_0, filled evenly, and the start angle.
+
+    Or `points`, one [x, y] or [x, y, angle] a particle (of one realisation), at `angle` where none
+    is given; x and y then are the box around them, and may be left out.
+    """
 
     x: Interval
     y: Interval
     angle: Number = 0.0
+    points: Points | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _box_of_points(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or values.get("points") is None:
+            return values
+        boxes = {"x": (0.0, 0.0), "y": (0.0, 0.0)}
+        # What is wrong with the points is told with their own key.
+        with suppress(TypeError, ValueError, LookupError):
+            for d, name in enumerate("xy"):
+                column = [float(point[d]) for point in values["points"]]
+                boxes[name] = (min(column), max(column))
+        return boxes | values
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _require_interval("x", self.x)
-        _require_interval("y", self.y)
+        if self.points is None:
+            _require_interval("x", self.x)
+            _require_interval("y", self.y)
+            return self
+        for d, (low, high) in enumerate((self.x, self.y)):
+            if not all(low <= point[d] <= high for point in self.points):
+                raise ValueError(f"points within {'xy'[d]} = {[low, high]}")
         return self
+
+    @property
+    def turns(self) -> float:
+        """Whole turns in the (first point's) angle, radian; 0 up to half a turn.
+
+        Models keep angles less this and add it to what they show: 1e9 + dt omega would lose digits.
+        """
+        angles = [point[2] for point in self.points or () if len(point) == 3]
+        first = angles[0] if angles else self.angle
+        # sin and cos of the angle itself: 2 pi rounded, times the turns, would be off.
+        return first - math.atan2(math.sin(first), math.cos(first)) if abs(first) > math.pi else 0.0
+
+    def _less_turns(self, angle: float) -> float:
+        turns = self.turns
+        if turns == 0.0:
+            return angle
+        part = math.atan2(math.sin(angle), math.cos(angle))
+        return part + 2.0 * math.pi * round((angle - turns - part) / (2.0 * math.pi))
+
+    @property
+    def own_angle(self) -> float:
+        """`angle` less `turns`."""
+        return self._less_turns(self.angle)
+
+    def places(self) -> list[tuple[float, float, float]]:
+        """(x, y, angle less `turns`) of every one of `points`; empty without them."""
+        return [
+            (p[0], p[1], self._less_turns(p[2] if len(p) == 3 else self.angle))
+            for p in self.points or ()
+        ]
 
 
 class Flow(Part):
@@ -241,6 +298,9 @@ class Scene(Part):
             box, domain = getattr(self.start, axis), getattr(self.domain, axis)
             if box[0] < domain[0] or box[1] > domain[1]:
                 raise ValueError(f"start.{axis} within domain.{axis} {domain}, not {box}")
+        points = self.start.points
+        if points is not None and len(points) != self.particles.number:
+            raise ValueError(f"particles.number = {len(points)}, the number of start.points")
         return self
 
 

@@ -149,18 +149,22 @@ class BalancedHeun:
     def _step_along(self, axis: int, work: Floats, dt: float) -> None:
         system = self._system
         kept = np.clip(work, -_STEEPEST, _STEEPEST)
-        field = _Field(np.exp(0.5 * kept).ravel(), (work - kept).ravel(), axis)
-        flux = Kinetic(field.tilt)
+        tilt = np.exp(0.5 * kept).ravel()
+        field = _Field(tilt, (work - kept).ravel(), axis, system.vacuum)
+        flux = Kinetic(tilt)
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         weights = _exponential_weights(rate, dt)
         ratio = dt / system.grid.width(axis)
         self._fill(axis)
         self._before[:] = system.fields
+        left = system.left.copy()
         system.transport(flux, axis, dt)
         _push(system.fields, self._before, system.extents, field, ratio, weights)
         self._fill(axis)
         self._middle[:] = system.fields
         system.transport(flux, axis, dt)
+        # Both stages' transports count half, here as in `_combine`.
+        system.left[:] = 0.5 * (left + system.left)
         states = system.fields, self._before, self._middle
         _combine(*states, system.extents, field, ratio, weights)
 
@@ -200,18 +204,21 @@ class _Field(NamedTuple):
         Work from centre to centre beyond what `tilt` holds.
     axis : int
         -1, -2 or -3.
+    vacuum : float
     """
 
     tilt: Floats
     rest: Floats
     axis: int
+    vacuum: float
 
 
 @inline_kernel
-def _source(q: Floats, p: int, stride: int, tilt: Floats, rest: Floats) -> float:
+def _source(q: Floats, p: int, stride: int, field: _Field) -> float:
     """The source h S of the cell p of a flat density."""
+    tilt, rest, _, vacuum = field
     rise, fall = tilt[p], 1.0 / tilt[p - stride]
-    factor = face_factor(q[p - stride], q[p], q[p + stride], rise, fall)
+    factor = face_factor(q[p - stride], q[p], q[p + stride], rise, fall, vacuum)
     mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
     push: float = mean * (rise - fall) + 0.5 * (rest[p] + rest[p - stride])
     return push * float(q[p])
@@ -234,7 +241,7 @@ def _push(
     weights: tuple[float, float, float],
 ) -> None:
     """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m."""
-    tilt, rest, axis = field
+    tilt, rest, axis, vacuum = field
     decay, first, _ = weights
     rows = extents.shape[1]
     stride, normal = _stride(fields, axis), QVX - 1 - axis
@@ -244,7 +251,7 @@ def _push(
         a, j = task // rows, task % rows
         row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
         for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
-            source = ratio * _source(old[Q], p, stride, tilt, rest)
+            source = ratio * _source(old[Q], p, stride, _Field(tilt, rest, axis, vacuum))
             m = old[normal, p]
             new[normal, p] = decay * m + first * (new[normal, p] - m + source)
 
@@ -260,7 +267,7 @@ def _combine(
     weights: tuple[float, float, float],
 ) -> None:
     """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0)."""
-    tilt, rest, axis = field
+    tilt, rest, axis, vacuum = field
     decay, first, second = weights
     rows = extents.shape[1]
     stride, normal = _stride(fields, axis), QVX - 1 - axis
@@ -272,7 +279,8 @@ def _combine(
         row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
         for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
             m1 = half[normal, p]
-            change = new[normal, p] - m1 + ratio * _source(half[Q], p, stride, tilt, rest)
+            source = _source(half[Q], p, stride, _Field(tilt, rest, axis, vacuum))
+            change = new[normal, p] - m1 + ratio * source
             change -= (m1 - decay * old[normal, p]) / first
             for k in range(fields.shape[0]):
                 new[k, p] = 0.5 * (old[k, p] + new[k, p])

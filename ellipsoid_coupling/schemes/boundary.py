@@ -29,9 +29,10 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
     """
     lines = np.moveaxis(fields, axis, 1)
     n = lines.shape[1]
-    for edge, inwards in ((GHOSTS, 1), (n - GHOSTS - 1, -1)):
-        mirrored = True if reflecting else lines[normal, edge] * inwards > 0.0
-        for layer in range(GHOSTS):
+    # Layer by layer: the second mirrors the other end's first where there is one cell only.
+    for layer in range(GHOSTS):
+        for edge, inwards in ((GHOSTS, 1), (n - GHOSTS - 1, -1)):
+            mirrored = True if reflecting else lines[normal, edge] * inwards > 0.0
             ghost = lines[:, edge - inwards * (layer + 1)]
             ghost[:] = np.where(mirrored, lines[:, edge + inwards * layer], lines[:, edge])
             ghost[normal] *= np.where(mirrored, -1.0, 1.0)

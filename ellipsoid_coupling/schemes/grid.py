@@ -72,15 +72,15 @@ def scene_grid(scene: Scene) -> Grid:
     Raises
     ------
     InputError
-        If the domain is not a whole number of cells, at least four, in each direction.
+        If the domain is not a whole number of cells in each direction.
     """
     domain, cell = scene.domain, scene.numerics.cell
     counts = (domain.width / cell, domain.height / cell)
     for count in counts:
-        if abs(count - round(count)) > 1e-6 * count or round(count) < 4:
+        if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
             raise InputError(
                 f"scene {scene.name}, key numerics.cell",
-                "a width that divides the domain into at least 4 cells",
+                "a width that divides the domain into whole cells",
                 f"{cell} ({counts[0]:g} x {counts[1]:g} cells)",
                 "Choose domain width / whole number.",
             )
@@ -98,8 +98,38 @@ def overlap(edges: Floats, box: tuple[float, float]) -> Floats:
     return np.asarray(np.clip(covered / np.diff(edges), 0.0, 1.0))
 
 
+def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """The cell (j, i) that holds a point; one on the upper rim belongs to the last cell."""
+    column, row = (x - grid.x_low) / grid.cell, (y - grid.y_low) / grid.cell
+    return min(max(int(row), 0), grid.ny - 1), min(max(int(column), 0), grid.nx - 1)
+
+
+def start_angle(grid: Grid, scene: Scene) -> Floats:
+    """The mean start angle in every cell less the scene's whole turns, (ny, nx)."""
+    angles = np.full(grid.shape, scene.start.own_angle)
+    places = scene.start.places()
+    if places:
+        totals = np.zeros((2, *grid.shape))
+        for x, y, angle in places:
+            j, i = cell_of(grid, x, y)
+            totals[0, j, i] += 1.0
+            totals[1, j, i] += angle
+        filled = totals[0] > 0.0
+        angles[filled] = totals[1, filled] / totals[0, filled]
+    return angles
+
+
 def start_density(grid: Grid, scene: Scene) -> Floats:
-    """The start box filled evenly with mass 1, (ny, nx); cells cut by its rim hold their part."""
+    """Mass 1 over the start box, evenly, (ny, nx); cells cut by its rim hold their part.
+
+    With start.points, each one's share lies in the cell that holds it.
+    """
+    places = scene.start.places()
+    if places:
+        counts = np.zeros(grid.shape)
+        for place in places:
+            counts[cell_of(grid, place[0], place[1])] += 1.0
+        return np.asarray(counts / (len(places) * grid.cell**2))
     # A rim that misses an edge by rounding leaves no sliver in the next cell.
     y, x = (
         np.round(overlap(edges, box), 12)

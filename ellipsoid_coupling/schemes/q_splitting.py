@@ -6,6 +6,7 @@ counts the acceleration within the step in, so that no step turns out too long a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.fluxes.contract import Flux
+from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
 from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
 from ellipsoid_coupling.schemes.q_sources import (
     Limits,
@@ -55,6 +56,10 @@ class QSystem:
         Of the walls on every cell; it does not change.
     extents : (na, ny, 2) int64
         Outside them, all is vacuum.
+    vacuum : float
+        The density up to which a cell counts as empty.
+    left : (1,) float64
+        What has left through open boundaries, in units of a cell's density.
     """
 
     grid: QGrid
@@ -67,18 +72,25 @@ class QSystem:
     interaction: AngleGridInteraction | None
     walls: AngleForces | None
     extents: Extents = field(init=False)
+    vacuum: float = field(init=False)
+    left: Floats = field(init=False)
 
     def __post_init__(self) -> None:
+        # The density that mass 1 has all over the grid, a small part of it.
+        self.left = np.zeros(1)
+        self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
         self.look_for_mass()
 
     def look_for_mass(self) -> None:
         """Set the extents to what holds mass now."""
         self.extents = occupied_extents(self.fields)
 
-    def transport(self, flux: Flux, axis: int, dt: float) -> None:
+    def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
         """Move all fields along an axis for dt; the extents grow with them."""
         ratio = dt / self.grid.width(axis)
-        self.extents = transport(flux, self.fields, axis, ratio, self.extents, self.reflecting)
+        thin = flux._replace(vacuum=self.vacuum)
+        here = self.fields, axis, ratio, self.extents, self.reflecting
+        self.extents = transport(thin, *here, self.left)
 
     def forces(self) -> AngleForces | None:
         """Interaction and walls at the present density; None without either."""

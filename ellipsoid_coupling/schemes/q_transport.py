@@ -16,7 +16,13 @@ Floats = NDArray[np.float64]
 
 
 def transport(
-    flux: Flux, fields: Floats, axis: int, ratio: float, extents: Extents, reflecting: bool
+    flux: Flux,
+    fields: Floats,
+    axis: int,
+    ratio: float,
+    extents: Extents,
+    reflecting: bool,
+    left: Floats | None = None,
 ) -> Extents:
     """One step of `flux` along one axis, in place; returns the extents that hold the mass now.
 
@@ -34,6 +40,8 @@ def transport(
         Hold all mass before the step.
     reflecting : bool
         The boundary in x and y: reflecting or open.
+    left : (1,) float64, optional
+        What leaves through open boundaries is added, in units of a cell's density.
     """
     components, *padded = fields.shape
     normal = NORMAL[axis]
@@ -46,7 +54,9 @@ def transport(
     stride = {-1: 1, -2: row, -3: plane}[axis]
     runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
     if runs.first.size:
-        sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio)
+        open_ends = left if axis != -3 and not reflecting else None
+        flat = fields.reshape(components, -1)
+        sweep_runs(flux, flat, runs, stride, normal, ratio, open_ends)
     return extents
 
 

@@ -71,18 +71,22 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
 
 
 def _cfl_step(equation: SplitEquation, cfl: float) -> tuple[float, int]:
-    """As long as nothing flies further than cfl cells.
-
-    Speeds grow by the drift F, but with damping Gamma never beyond F/Gamma: the better of the two
-    bounds counts, so that stiff drag costs no steps.
-    """
+    """As long as nothing flies further than cfl cells."""
     speed, _ = largest_rates(equation.fields)
     force = float(np.abs(equation.drift[:2]).max())
-    distance, damping = cfl * equation.cell, equation.terms.damping
-    growing = _step_for(speed, force, distance)
-    terminal = max(speed, force / damping) if damping > 0.0 else np.inf
-    dt = max(growing, _step_for(terminal, 0.0, distance))
+    distance = cfl * equation.cell
+    dt = _longest(speed, force, equation.terms.damping, distance)
     return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
+
+
+def _longest(rate: float, force: float, damping: float, distance: float) -> float:
+    """The dt in which nothing at this rate, driven by this force, goes further than `distance`.
+
+    Rates grow by the force, but with damping Gamma never beyond force/Gamma: the better of the two
+    bounds counts, so that stiff drag costs no steps.
+    """
+    terminal = max(rate, force / damping) if damping > 0.0 else np.inf
+    return max(_step_for(rate, force, distance), _step_for(terminal, 0.0, distance))
 
 
 class GodunovSplitting:
@@ -123,7 +127,8 @@ class KickDriftKick:
         """From the fastest and the fastest turning cell."""
         _, spin = largest_rates(equation.fields)
         torque = float(np.abs(equation.drift[2:]).max(initial=0.0))
-        return min(_cfl_step(equation, cfl), (_step_for(spin, torque, _LARGEST_TURN), ROTATION))
+        turning = _longest(spin, torque, equation.terms.angular_damping, _LARGEST_TURN)
+        return min(_cfl_step(equation, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred."""

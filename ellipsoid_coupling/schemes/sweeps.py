@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Flux, Span, outflow
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, Flux, Span, outflow
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -43,8 +43,10 @@ class Runs(NamedTuple):
 
 
 @kernel
-def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Floats]) -> None:
-    """U -= leaving, U += entering, for a run of cells; what is thinner than VACUUM becomes vacuum.
+def _update(
+    fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Floats], vacuum: float
+) -> None:
+    """U -= leaving, U += entering, for a run of cells; what is as thin as `vacuum` is emptied.
 
     parts : (up, down, entering from below, entering from above), each (K, width).
     """
@@ -54,7 +56,7 @@ def _update(fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Flo
         for i in range(width):
             fields[k, first + i] += from_below[k, i] + from_above[k, i] - up[k, i] - down[k, i]
     for i in range(width):
-        if fields[DENSITY, first + i] <= VACUUM:
+        if fields[DENSITY, first + i] <= vacuum:
             for k in range(fields.shape[0]):
                 fields[k, first + i] = 0.0
 
@@ -70,7 +72,7 @@ def _sweep_rows(flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: floa
         work = np.empty((_WORK_ROWS, n + 2))
         outflow(flux, fields, Span(first - 1, n + 2, 1, normal), ratio, up, down, work)
         parts = (up[:, 1:-1], down[:, 1:-1], up[:, :-2], down[:, 2:])
-        _update(fields, first, parts)
+        _update(fields, first, parts, flux.vacuum)
 
 
 @kernel
@@ -88,7 +90,8 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
         outflow(flux, fields, here, ratio, up[new], down[new], work)
         if row >= 1:
             old, middle = (row + 1) % 3, (row + 2) % 3
-            _update(fields, at - stride, (up[middle], down[middle], up[old], down[new]))
+            parts = (up[middle], down[middle], up[old], down[new])
+            _update(fields, at - stride, parts, flux.vacuum)
 
 
 @parallel_kernel
@@ -101,8 +104,37 @@ def _sweep_columns(
         _march(flux, fields, first, counts[task], Span(first, widths[task], stride, normal), ratio)
 
 
-def sweep_runs(
+@kernel
+def _leaving(
     flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
+) -> float:
+    """The mass that the step takes out of all runs through their ends, less what it brings in."""
+    starts, counts, widths = runs
+    total = 0.0
+    for task in range(starts.size):
+        first, last = starts[task], starts[task] + (counts[task] - 1) * stride
+        width = widths[task]
+        up, down = np.empty((2, fields.shape[0], width))
+        work = np.empty((_WORK_ROWS, width))
+        outflow(flux, fields, Span(first, width, stride, normal), ratio, up, down, work)
+        total += down[DENSITY].sum()
+        outflow(flux, fields, Span(first - stride, width, stride, normal), ratio, up, down, work)
+        total -= up[DENSITY].sum()
+        outflow(flux, fields, Span(last, width, stride, normal), ratio, up, down, work)
+        total += up[DENSITY].sum()
+        outflow(flux, fields, Span(last + stride, width, stride, normal), ratio, up, down, work)
+        total -= down[DENSITY].sum()
+    return total
+
+
+def sweep_runs(
+    flux: Flux,
+    fields: Floats,
+    runs: Runs,
+    stride: int,
+    normal: int,
+    ratio: float,
+    left: Floats | None = None,
 ) -> None:
     """Transport of all runs in one direction, in place.
 
@@ -120,7 +152,11 @@ def sweep_runs(
         Component of the momentum along it.
     ratio : float
         dt / h.
+    left : (1,) float64, optional
+        What leaves the runs through their ends is added, in units of a cell's density.
     """
+    if left is not None:
+        left += _leaving(flux, fields, runs, stride, normal, ratio)
     with numba.parallel_chunksize(_CHUNK):
         if stride == 1:
             _sweep_rows(flux, fields, runs, normal, ratio)
@@ -128,7 +164,14 @@ def sweep_runs(
             _sweep_columns(flux, fields, runs, stride, normal, ratio)
 
 
-def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> None:
+def sweep(
+    flux: Flux,
+    fields: Floats,
+    axis: int,
+    normal: int,
+    ratio: float,
+    left: Floats | None = None,
+) -> None:
     """Transport padded fields along one axis, in place; their ghosts along it are filled.
 
     Parameters
@@ -140,6 +183,8 @@ def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> N
         Component of the momentum along it.
     ratio : float
         dt / h.
+    left : (1,) float64, optional
+        What leaves through the boundary is added, in units of a cell's density.
     """
     components, *padded = fields.shape
     index = np.arange(fields[0].size, dtype=np.int64).reshape(padded)
@@ -156,4 +201,4 @@ def sweep(flux: Flux, fields: Floats, axis: int, normal: int, ratio: float) -> N
         first = first[..., ::BUNDLE].ravel()
     runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
-    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio)
+    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio, left)

@@ -19,13 +19,10 @@ from ellipsoid_coupling.compare import (
     sampling_errors,
     short_cases,
     short_frontier,
-    stability,
     write_table,
 )
-from ellipsoid_coupling.compare.stability import map_stability, write_stability
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.flow.obtain import SHIPPED
 
 TINY = {
     "interaction": None,
@@ -135,15 +132,3 @@ def test_finished_runs_are_compared(rotation_flow: FlowField) -> None:
     other = ec.simulate(ec.load_scene("top_bottom", TINY), "microscopic")
     with pytest.raises(InputError, match="one scene"):
         compare_runs([runs[0], other], rotation_flow)
-
-
-def test_the_stability_map_tells_good_from_bad(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Stiff drag: the leapfrog breaks, everything else holds."""
-    monkeypatch.setattr(stability, "CASES", {"stiff": {"flow.drag": 1e4, "numerics.cell": 0.1}})
-    cells = map_stability(flow=FlowField.load(SHIPPED / "cavity.npz"))
-    verdicts = {(cell.model, cell.scheme): cell.verdict for cell in cells}
-    assert verdicts.pop(("microscopic", "paper")) in ("failed", "unstable")
-    assert set(verdicts.values()) == {"stable"}
-    assert len(write_stability(cells, tmp_path).read_text().splitlines()) == 5

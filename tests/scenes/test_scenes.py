@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,12 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"start.x": [0.6, 0.4]}, "start"),
     ({"start.x": [0.4, 1.4]}, "start.x"),
     ({"turbulence": 3}, "turbulence"),
+    ({"start": {"points": []}}, "start.points"),
+    ({"start": {"points": [[0.1]]}, "particles.number": 1}, "start.points.0"),
+    ({"start": {"points": [[0.1, "a"]]}, "particles.number": 1}, "start.points.0.1"),
+    ({"start": {"points": [[0.1, 0.2]]}}, "particles.number = 1"),
+    ({"start": {"points": [[1.1, 0.2]]}, "particles.number": 1}, "start.x within"),
+    ({"start.points": [[0.1, 0.2]], "particles.number": 1}, "points within x"),
     ({"name.first": 3}, "name"),
 ]
 
@@ -140,3 +147,26 @@ def test_plan_tells_how_exactly_interaction_is_summed(
     assert words in next(term.why for term in terms if term.name == "interaction")
     # scenes/ imports nothing: the number stands twice.
     assert terms_module._LEAST_SINGLE_TOLERANCE == LEAST_SINGLE_TOLERANCE
+
+
+def test_points_have_a_box_and_survive_a_file(tmp_path: Path) -> None:
+    points = {"points": [[0.1, 0.2], [0.3, 0.1, 2.0]], "angle": 0.5}
+    scene = load_scene("cavity", {"start": points, "particles.number": 2})
+    assert (scene.start.x, scene.start.y) == ((0.1, 0.3), (0.1, 0.2))
+    assert scene.start.places() == [(0.1, 0.2, 0.5), (0.3, 0.1, 2.0)]
+    file = tmp_path / "points.toml"
+    file.write_text(scene_to_toml(scene))
+    assert load_scene(file) == scene
+
+
+def test_whole_turns_are_taken_off_an_angle() -> None:
+    """1e9 radian: what is left is what sin and cos see, to rounding; small angles stay as given."""
+    start = load_scene("cavity", {"start.angle": 1e9}).start
+    assert abs(start.own_angle) <= math.pi
+    assert math.sin(start.own_angle) == pytest.approx(math.sin(1e9), abs=1e-15)
+    assert start.turns + start.own_angle == 1e9
+    kept = load_scene("cavity", {"start.angle": 1.5}).start
+    assert (kept.turns, kept.own_angle) == (0.0, 1.5)
+    two = {"points": [[0.1, 0.2, 1e9], [0.1, 0.2, 1e9 + 20.0]]}
+    places = load_scene("cavity", {"start": two, "particles.number": 2}).start.places()
+    assert places[1][2] - places[0][2] == pytest.approx(20.0, abs=1e-12)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -173,6 +173,10 @@ def test_a_periodic_direction_is_a_ring() -> None:
     assert np.array_equal(fields[:, -2:, 2:-2], interior(fields)[:, :2])
 
 
+class Strange(NamedTuple):
+    vacuum: float
+
+
 def test_an_unknown_flux_is_refused() -> None:
     with pytest.raises(TypeError, match="no overload"):
-        outflow((1.0,), np.zeros((1, 1)), Span(0, 1, 1, 0), 1.0, *[np.zeros((1, 1))] * 3)
+        outflow(Strange(0.0), np.zeros((1, 1)), Span(0, 1, 1, 0), 1.0, *[np.zeros((1, 1))] * 3)

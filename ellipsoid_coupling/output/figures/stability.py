@@ -1,29 +1,44 @@
-"""The stability map: cases against models and schemes."""
+"""The stability map: cases against models and schemes, outcome and error as colour and number."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
-import numpy as np
-from matplotlib.colors import ListedColormap
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
 from ellipsoid_coupling.output.figures.canvas import new_figure, require, save_figure, styled
 from ellipsoid_coupling.output.labels import model_name
 
-# Readable without colour too: every field carries its word.
-VERDICTS = ("stable", "unstable", "failed")
-COLOURS = ("#a6dba0", "#fee391", "#f4a582")
+# Inch: a field, the names of the cases beside it, and what stands above and below.
+_WIDTH, _HEIGHT = 0.47, 0.185
+_NAMES, _HEAD, _LEGEND = 2.5, 1.5, 0.75
+_LETTERS = 6.5
+
+# Errors by decade, light for small; "cividis" stays in order for every kind of colour blindness.
+_DECADES = (1e-4, 1e-3, 1e-2, 1e-1)
+_SHADES = tuple(to_hex(colormaps["cividis"](part)) for part in (0.98, 0.8, 0.62, 0.42, 0.2))
+_DARK_FROM = 3
 
 
-class MapCell(Protocol):
-    """One run of the map, such as `compare.stability.StabilityCell`."""
+class MapField(Protocol):
+    """One run of the map, such as `compare.stability.Field`."""
+
+    @property
+    def family(self) -> str:
+        """What was varied."""
+        ...
 
     @property
     def case(self) -> str:
-        """What was changed."""
+        """What was varied, and to what."""
         ...
 
     @property
@@ -37,50 +52,156 @@ class MapCell(Protocol):
         ...
 
     @property
-    def verdict(self) -> str:
-        """One of `VERDICTS`."""
+    def outcome(self) -> str:
+        """Completed, broken, stopped, refused or not applicable."""
         ...
 
     @property
-    def fastest(self) -> float:
-        """Largest speed."""
+    def error(self) -> float:
+        """NaN where it is not known."""
         ...
 
 
+class _Look(NamedTuple):
+    """How a field is drawn."""
+
+    fill: str
+    letters: str
+    words: str
+
+
+_ENDED = {
+    "stopped": _Look("#D55E00", "white", "stop"),
+    "broken": _Look("#CC79A7", "black", "broken"),
+    "refused": _Look("#BBBBBB", "black", "bad in."),
+    "not applicable": _Look("white", "#888888", "-"),
+}
+_UNKNOWN = _Look("#FFFFFF", "black", "?")
+
+
+def look_of(field: MapField) -> _Look:
+    """Fill, colour of the letters and words of a field."""
+    if field.outcome in _ENDED:
+        return _ENDED[field.outcome]
+    if not math.isfinite(field.error):
+        return _UNKNOWN
+    decade = sum(field.error > bound for bound in _DECADES)
+    letters = "white" if decade >= _DARK_FROM else "black"
+    return _Look(_SHADES[decade], letters, _short(field.error))
+
+
+def _short(error: float) -> str:
+    """0, 3e-5, 0.02, 0.3, 1.2: never more than five letters."""
+    if error < 1e-12:
+        return "0"
+    if error >= 0.01:
+        return f"{error:.1g}" if error < 0.995 else f"{error:.1f}"
+    return f"{error:.0e}".replace("e-0", "e-")
+
+
+def _legend_patches() -> list[Patch]:
+    bounds = ("0", *(f"{bound:g}" for bound in _DECADES), "2")
+    words = [f"error {low} to {high}" for low, high in itertools.pairwise(bounds)]
+    named = {
+        "bad in.": "refused: bad input",
+        "-": "means nothing here",
+        "stop": "stopped, with reason",
+    }
+    patches = [
+        Patch(facecolor=shade, edgecolor="#666666", label=word)
+        for shade, word in zip(_SHADES, words, strict=True)
+    ]
+    patches += [
+        Patch(facecolor=look.fill, edgecolor="#666666", label=named.get(look.words, look.words))
+        for look in _ENDED.values()
+    ]
+    return [*patches, Patch(facecolor="white", edgecolor="#666666", label="?: no reference")]
+
+
 @styled
-def stability_figure(cells: Sequence[MapCell], title: str = "Stability") -> Figure:
+def stability_figure(fields: Sequence[MapField], title: str = "") -> Figure:
     """The figure of `draw_stability`."""
-    require(cells, "stability map", "run")
-    cases = list(dict.fromkeys(cell.case for cell in cells))
-    columns = list(dict.fromkeys((cell.model, cell.scheme) for cell in cells))
-    figure = new_figure(3.2 + 1.35 * len(columns), 1.3 + 0.36 * len(cases))
-    axes = figure.subplots()
-    verdicts = np.full((len(cases), len(columns)), np.nan)
-    for cell in cells:
-        row, column = cases.index(cell.case), columns.index((cell.model, cell.scheme))
-        verdicts[row, column] = VERDICTS.index(cell.verdict)
-        words = cell.verdict if cell.verdict == "failed" else f"{cell.verdict}, {cell.fastest:.2g}"
-        axes.text(column, row, words, ha="center", va="center")
-    axes.imshow(verdicts, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=2.5, aspect="auto")
-    axes.set_yticks(range(len(cases)), cases)
-    labels = [f"{model_name(model)}\n{scheme}" for model, scheme in columns]
-    axes.set_xticks(range(len(columns)), labels)
-    axes.set_title(f"{title} (number: largest speed)")
+    require(fields, "stability map", "run")
+    cases = list(dict.fromkeys(field.case for field in fields))
+    columns = list(dict.fromkeys((field.model, field.scheme) for field in fields))
+    width = _NAMES + _WIDTH * len(columns) + 0.1
+    height = _HEAD + _LEGEND + _HEIGHT * len(cases)
+    figure = new_figure(width, height)
+    figure.set_layout_engine("none")
+    left, low = _NAMES / width, _LEGEND / height
+    shape = (_WIDTH * len(columns) / width, _HEIGHT * len(cases) / height)
+    axes = figure.add_axes((left, low, *shape))
+    axes.set(xlim=(0, len(columns)), ylim=(len(cases), 0))
+    for field in fields:
+        place = columns.index((field.model, field.scheme)), cases.index(field.case)
+        _draw_field(axes, place, look_of(field))
+    _label(axes, fields, cases, columns)
+    if title:
+        figure.suptitle(title, y=1.0 - 0.12 / height, va="top")
+    figure.legend(
+        handles=_legend_patches(), loc="lower center", ncols=5, fontsize=7.5, handlelength=1.2
+    )
     return figure
 
 
-def draw_stability(cells: Sequence[MapCell], path: Path, *, title: str = "Stability") -> Path:
-    """Cases as rows, models and schemes as columns; the verdict in words and colour.
+def _draw_field(axes: Axes, place: tuple[int, int], look: _Look) -> None:
+    axes.add_patch(Rectangle(place, 1, 1, facecolor=look.fill, edgecolor="white", linewidth=0.5))
+    axes.text(
+        place[0] + 0.5,
+        place[1] + 0.53,
+        look.words,
+        color=look.letters,
+        fontsize=_LETTERS,
+        ha="center",
+        va="center",
+    )
+
+
+def _label(
+    axes: Axes, fields: Sequence[MapField], cases: list[str], columns: list[tuple[str, str]]
+) -> None:
+    axes.set_yticks([row + 0.5 for row in range(len(cases))], cases, fontsize=7.5)
+    axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.set_xticks(
+        [column + 0.5 for column in range(len(columns))],
+        [scheme for _, scheme in columns],
+        rotation=45,
+        ha="left",
+        fontsize=7.5,
+    )
+    families = {field.case: field.family for field in fields}
+    for row, (before, case) in enumerate(itertools.pairwise(cases)):
+        if families[before] != families[case]:
+            axes.axhline(row + 1, color="black", linewidth=0.5)
+    for column, (model, _) in enumerate(columns):
+        if column == 0 or columns[column - 1][0] != model:
+            axes.axvline(column, color="black", linewidth=0.8)
+            count = sum(name == model for name, _ in columns)
+            name = model_name(model).replace(", ", ",\n").replace(" ", "\n", 1)
+            axes.annotate(
+                name.replace("\n\n", "\n"),
+                (column + 0.5 * count, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0.0, 44.0),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=8,
+            )
+
+
+def draw_stability(fields: Sequence[MapField], path: Path, *, title: str = "") -> Path:
+    """Cases as rows, models and schemes as columns; the error's decade as colour, and its number.
 
     Parameters
     ----------
-    cells : such as `compare.stability.StabilityCell`
+    fields : such as `compare.stability.Field`
     path : the PNG
     title : str
 
     Raises
     ------
     InputError
-        Without cells.
+        Without fields.
     """
-    return save_figure(stability_figure(cells, title), path)
+    return save_figure(stability_figure(fields, title), path)

@@ -106,8 +106,11 @@ def flow_at_particles(
 
 
 def start_lattice(scene: Scene) -> tuple[Floats, Floats]:
-    """x, y (n,) of about the scene's number of particles, evenly over the start box."""
+    """x, y (n,) of about the scene's number of particles, evenly over the start box; or its points."""
     start = scene.start
+    if start.points is not None:
+        places = np.array(start.places())
+        return places[:, 0], places[:, 1]
     width, height = start.x[1] - start.x[0], start.y[1] - start.y[0]
     columns = max(1, round(math.sqrt(scene.particles.number * width / height)))
     rows = max(1, round(scene.particles.number / columns))

@@ -7,5 +7,8 @@ chooses its scheme.
 
 from ellipsoid_coupling.schemes.fluxes.ballistic import Ballistic
 from ellipsoid_coupling.schemes.fluxes.force import Force
+from ellipsoid_coupling.schemes.fluxes.kinetic import Kinetic
 
-__all__ = ["Ballistic", "Force"]
+AnyFlux = Ballistic | Force | Kinetic
+
+__all__ = ["AnyFlux", "Ballistic", "Force", "Kinetic"]

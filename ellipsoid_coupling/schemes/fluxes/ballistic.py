@@ -47,9 +47,10 @@ _SMOOTH = 0.05
 
 
 class Ballistic(NamedTuple):
-    """Ballistic transport; the parameter is the largest part of a cell that may leave in a step."""
+    """Ballistic transport; `largest_part` of a cell may leave in a step."""
 
     largest_part: float = 1.0
+    vacuum: float = VACUUM
 
 
 @inline_kernel
@@ -65,8 +66,8 @@ def limited(low: float, high: float, factor: float, size: float) -> float:
 
 
 @inline_kernel
-def _inverse(density: float) -> float:
-    return 1.0 / density if density > VACUUM else 0.0
+def _inverse(density: float, vacuum: float) -> float:
+    return 1.0 / density if density > vacuum else 0.0
 
 
 @inline_kernel
@@ -101,9 +102,10 @@ def ballistic_outflow(
             fields[DENSITY, p + stride],
         )
         slope = limited(here - before, after - here, _DENSITY_LIMIT, here)
-        own = _inverse(here)
+        own = _inverse(here, flux.vacuum)
         centre = slope * own / 12.0
-        inverse_before, inverse_after = _inverse(before), _inverse(after)
+        inverse_before = _inverse(before, flux.vacuum)
+        inverse_after = _inverse(after, flux.vacuum)
         v = fields[normal, p] * own
         dv = _carried_slope(
             fields[normal, p - stride] * inverse_before,

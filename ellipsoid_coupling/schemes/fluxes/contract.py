@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba.extending import overload
@@ -13,15 +13,23 @@ from ellipsoid_coupling.kernels import KERNEL_OPTIONS
 
 Floats = NDArray[np.float64]
 
-# A flux is a NamedTuple of its parameters: numbers, or arrays that belong to the cells.
-Flux = tuple[Any, ...]
 
 # Component 0 of every system is the density.
 DENSITY = 0
-# Below this it counts as vacuum, and is set to 0: a rim so thin is 1e-16 of the mass in a thousand
-# steps, and without it every step would widen by a cell what is computed.
+# Up to this part of the mean density a cell counts as vacuum, and is set to 0: a rim so thin is
+# 1e-17 of the mass in a thousand steps, and without it every step would widen by a cell what is
+# computed.
 VACUUM = 1e-20
 _OPTIONS: Any = KERNEL_OPTIONS
+
+
+class Flux(Protocol):
+    """A NamedTuple of a flux's parameters: numbers, or arrays that belong to the cells."""
+
+    @property
+    def vacuum(self) -> float:
+        """The density up to which a cell counts as empty."""
+        ...
 
 
 class Span(NamedTuple):
@@ -54,7 +62,7 @@ def outflow(
     Parameters
     ----------
     flux : NamedTuple
-        Chooses the flux and holds its parameters.
+        Chooses the flux and holds its parameters, `vacuum` among them.
     fields : (K, cells) float64
         Conserved fields, flat; component 0 is the density.
     span : Span

@@ -27,11 +27,12 @@ class Force(NamedTuple):
     """FORCE for the closure with this pressure coefficient."""
 
     pressure: float
+    vacuum: float = VACUUM
 
 
 @inline_kernel
-def _velocity(momentum: float, density: float) -> float:
-    return momentum / density if density > VACUUM else 0.0
+def _velocity(momentum: float, density: float, vacuum: float) -> float:
+    return momentum / density if density > vacuum else 0.0
 
 
 def force_outflow(
@@ -51,14 +52,14 @@ def force_outflow(
         q = p + stride
         density_l, density_r = fields[DENSITY, p], fields[DENSITY, q]
         momentum_l, momentum_r = fields[normal, p], fields[normal, q]
-        v_l = _velocity(momentum_l, density_l)
-        v_r = _velocity(momentum_r, density_r)
+        v_l = _velocity(momentum_l, density_l, flux.vacuum)
+        v_r = _velocity(momentum_r, density_r, flux.vacuum)
         middle_density = 0.5 * (density_l + density_r) - 0.5 * ratio * (momentum_r - momentum_l)
         rise = momentum_r * v_r - momentum_l * v_l + pressure * (density_r - density_l)
         middle_momentum = 0.5 * (momentum_l + momentum_r) - 0.5 * ratio * rise
         work[0, i] = v_l
         work[1, i] = v_r
-        work[2, i] = _velocity(middle_momentum, middle_density)
+        work[2, i] = _velocity(middle_momentum, middle_density, flux.vacuum)
         work[3, i] = pressure * (density_l + density_r)
         work[4, i] = pressure * middle_density
         work[5, i] = pressure * (density_r - density_l)

@@ -60,9 +60,11 @@ class Kinetic(NamedTuple):
     tilt : (cells,) float64
         exp(work/2) of the force from a cell's centre to the next one's, flat like the fields: the
         ratio of the equilibrium's densities at the face between and at the centre.
+    vacuum : float
     """
 
     tilt: Floats
+    vacuum: float = VACUUM
 
 
 @inline_kernel
@@ -85,14 +87,16 @@ def _half_moments(v: float) -> tuple[float, float]:
 
 
 @inline_kernel
-def face_factor(before: float, here: float, after: float, rise: float, fall: float) -> float:
+def face_factor(
+    before: float, here: float, after: float, rise: float, fall: float, vacuum: float
+) -> float:
     """exp(slope/2), the density at the upper face over that of the equilibrium through the centre.
 
     The mean of the logarithmic slopes to both neighbours, limited to twice the smaller one; 1
     beside vacuum and at extrema, unless they are smooth. `rise` and `fall` lead from the centre to
     the upper and the lower face.
     """
-    filled = min(before, here, after) > VACUUM
+    filled = min(before, here, after) > vacuum
     low = here * fall * fall / before if filled else 1.0
     high = after / (rise * rise * here) if filled else 1.0
     mean = math.sqrt(math.sqrt(low * high))
@@ -128,11 +132,11 @@ def kinetic_outflow(
             fields[DENSITY, p + stride],
         )
         rise, fall = flux.tilt[p], 1.0 / flux.tilt[p - stride]
-        factor = face_factor(before, here, after, rise, fall)
-        filled = min(before, here, after) > VACUUM
-        own = 1.0 / here if here > VACUUM else 0.0
-        inverse_before = 1.0 / before if before > VACUUM else 0.0
-        inverse_after = 1.0 / after if after > VACUUM else 0.0
+        factor = face_factor(before, here, after, rise, fall, flux.vacuum)
+        filled = min(before, here, after) > flux.vacuum
+        own = 1.0 / here if here > flux.vacuum else 0.0
+        inverse_before = 1.0 / before if before > flux.vacuum else 0.0
+        inverse_after = 1.0 / after if after > flux.vacuum else 0.0
         v = fields[normal, p] * own
         dv = _slope(
             fields[normal, p - stride] * inverse_before,

@@ -1,0 +1,50 @@
+"""A map of stability: stiff and extreme cases, every model and scheme, what held and what did not."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from ellipsoid_coupling.compare.stability.cases import CASES, Case
+from ellipsoid_coupling.compare.stability.examine import Field, examine
+from ellipsoid_coupling.models import SCHEMES, model_names
+from ellipsoid_coupling.simulation import Report
+
+__all__ = ["CASES", "Case", "Field", "chosen_cases", "examine", "map_stability", "write_stability"]
+
+
+def chosen_cases(*, quick: bool) -> tuple[Case, ...]:
+    """All cases, or (`quick`) those of the thinned map."""
+    return tuple(case for case in CASES if case.thin or not quick)
+
+
+def map_stability(
+    cases: Sequence[Case] = CASES,
+    models: Sequence[str] | None = None,
+    *,
+    report: Report | None = None,
+) -> list[Field]:
+    """Every case with every model (or these) and both schemes."""
+    names = model_names() if models is None else models
+    fields: list[Field] = []
+    for number, case in enumerate(cases):
+        for place, model in enumerate(names):
+            if report is not None:
+                report("stability map", (number + place / len(names)) / len(cases))
+            fields += examine(case, model, SCHEMES)
+    if report is not None:
+        report("stability map", 1.0)
+    return fields
+
+
+def write_stability(fields: Sequence[Field], folder: Path) -> Path:
+    """stability.csv, one line a run."""
+    path = folder / "stability.csv"
+    beside = path.with_name(".stability.csv")
+    with beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(list(Field.__dataclass_fields__))
+        writer.writerows([list(vars(field).values()) for field in fields])
+    beside.replace(path)
+    return path

@@ -1,0 +1,311 @@
+"""The cases of the stability map, as data: each changes one thing of a small scene, some two.
+
+The small scene is a box with walls and a rigid rotation: 40 particles in 2 realisations, 12 x 12
+cells and 16 angles, t = 2, so that the whole map takes some minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ellipsoid_coupling.flow import FlowField, analytic_flow
+from ellipsoid_coupling.flow.analytic import LinearFlow, linear_flow
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.files import scene_from_table
+
+Table = dict[str, Any]
+
+_HALF = 0.5
+_REACH = 2.0 * math.sqrt(2.0) * 0.1
+
+SMALL: Table = {
+    "name": "small",
+    "times": [2.0],
+    "domain": {"x": [-_HALF, _HALF], "y": [-_HALF, _HALF], "boundary": "reflecting"},
+    "particles": {
+        "length": 0.1,
+        "width": 0.05,
+        "mass": 1.0,
+        "inertia": 1e-2,
+        "number": 40,
+        "realisations": 2,
+    },
+    "start": {"x": [-0.25, 0.25], "y": [-0.25, 0.25], "angle": 0.0},
+    "flow": {"source": "closed_form", "field": "rotation", "drag": 10.0, "angular_drag": 10.0},
+    "interaction": {"strength": 0.1},
+    "walls": {},
+    "numerics": {
+        "cell": 1.0 / 12,
+        "angle_cells": 16,
+        "time_step": 0.01,
+        "harmonics_tolerance": 2e-2,
+    },
+}
+PARTICLES = ("microscopic", "mckean_vlasov")
+# What a stationary state cannot have is taken out for it.
+STATIONARY: Table = {
+    "flow": None,
+    "walls": None,
+    "noise": None,
+    "outer_potential.stiffness": 10.0,
+    "particles.inertia": 1.0,
+}
+# All that a model without time and fluid knows of.
+_TIMELESS = ("as it is", "aspect ratio", "eps0", "density", "domain")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the map.
+
+    Attributes
+    ----------
+    family, value : str
+        What is varied, and to what.
+    settings : dict
+        Dotted keys of the scene; the value None takes a part out.
+    gradient : float
+        The flow is so many times as fast.
+    models : tuple of str
+        Only these; empty for all.
+    thin : bool
+        Belongs to the thinned map (`--quick`, tests).
+    """
+
+    family: str
+    value: str
+    settings: Table
+    gradient: float = 1.0
+    models: tuple[str, ...] = ()
+    thin: bool = False
+
+    @property
+    def name(self) -> str:
+        """What is varied, and to what."""
+        return f"{self.family} {self.value}"
+
+    def suits(self, model: str) -> bool:
+        """Whether the case means anything to the model."""
+        known = model != "stationary_state" or self.family in _TIMELESS
+        return known and (not self.models or model in self.models)
+
+    def scene(self, model: str, finer: Table | None = None) -> Scene:
+        """The small scene with this case's changes, for one model.
+
+        Raises
+        ------
+        InputError
+            Where the changes are no scene: what starts outside, for one.
+        """
+        table: Table = {k: dict(v) if isinstance(v, dict) else v for k, v in SMALL.items()}
+        own = STATIONARY if model == "stationary_state" else {}
+        for key, value in (self.settings | own | (finer or {})).items():
+            _apply(table, key, value)
+        return scene_from_table(table, f"case {self.name}")
+
+    def flow(self, scene: Scene) -> FlowField | None:
+        """The scene's flow, faster where the case asks for it."""
+        if scene.flow is None:
+            return None
+        if self.gradient == 1.0:
+            return analytic_flow(scene.flow.field)
+        return linear_flow(_FAST[scene.flow.field](self.gradient))
+
+
+_FAST = {
+    "rotation": lambda g: LinearFlow(0.0, g, -g, f"u = {g:g} (y, -x)"),
+    "shear": lambda g: LinearFlow(0.0, g, 0.0, f"u = {g:g} (y, 0)"),
+    "top_bottom": lambda g: LinearFlow(-g, 0.0, 0.0, f"u = {g:g} (-x, y)"),
+}
+
+
+def _apply(table: Table, key: str, value: object) -> None:
+    *sections, last = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+    if value is None:
+        table.pop(last, None)
+    else:
+        table[last] = value
+
+
+def _until(end: float) -> Table:
+    """The end time, and 200 steps of the scheme `paper`."""
+    return {"times": [end], "numerics.time_step": end / 200}
+
+
+def _points(*points: tuple[float, ...]) -> Table:
+    return {"start": {"points": [list(p) for p in points]}, "particles.number": len(points)}
+
+
+def _scaled(width: float, cells: int = 12, *, drive: str = "rotation") -> Table:
+    """The small scene `width` wide instead of 1, particles and potential with it."""
+    box = [-0.5 * width, 0.5 * width]
+    settings: Table = {
+        "domain": {"x": box, "y": box, "boundary": "reflecting"},
+        "start": {"x": [0.5 * b for b in box], "y": [0.5 * b for b in box], "angle": 0.0},
+        "particles.length": 0.1 * width,
+        "particles.width": 0.05 * width,
+        "numerics.cell": width / cells,
+    }
+    if drive == "potential":
+        # The polynomials of a flow's spline overflow where x^3 does.
+        settings |= {"flow": None, "outer_potential": {"stiffness": 10.0}}
+    return settings
+
+
+_ALONE: Table = {"interaction": None, "walls": None}
+_AT_WALL: Table = {"start.x": [-0.5, 0.0], "start.y": [-0.5, 0.0]}
+_OPEN: Table = {"walls": None, "domain.boundary": "open"}
+
+
+def _one_by_one() -> list[Case]:
+    cases = [Case("as it is", "", {}, thin=True)]
+    thin = {1e-8, 0.0, 1e8, 1e6}
+    for i in (1.0, 1e-4, 1e-6, 1e-8):
+        # Torques turn in times that go like the root: as many of these, whatever the inertia.
+        changes = {"particles.inertia": i} | _until(min(2.0, 200.0 * math.sqrt(i)))
+        cases.append(Case("inertia", f"{i:g}", changes, thin=i in thin))
+    for key, family in (("drag", "drag"), ("angular_drag", "angular drag")):
+        cases += [
+            Case(family, f"{d:g}", {f"flow.{key}": d}, thin=d in thin)
+            for d in (0.0, 1.0, 1e2, 1e4, 1e6, 1e8)
+        ]
+    for ratio in (1.0, 10.0, 100.0, 1e4, 1e8):
+        name = f"{ratio:g}" if ratio > 1.0 else "1 (circle)"
+        changes = {"particles.width": 0.1 / ratio} | _until(2.0 if ratio < 1e4 else 0.2)
+        cases.append(Case("aspect ratio", name, changes, thin=ratio in (1.0, 100.0)))
+    cases.append(Case("eps0", "0", _ALONE))
+    for strength in (1e2, 1e4, 1e6):
+        # Speeds grow like the root: the same way is gone in a shorter time.
+        changes = {"interaction.strength": strength} | _until(5.0 / math.sqrt(strength))
+        cases.append(Case("eps0", f"{strength:g}", changes, thin=strength == 1e6))
+    return cases
+
+
+def _walls_and_noise() -> list[Case]:
+    cases = []
+    for f in (1.0, 1e3, 1e6):
+        changes = _AT_WALL | {"walls.strength_factor": f} | _until(min(2.0, 20.0 / math.sqrt(f)))
+        cases.append(Case("wall factor", f"{f:g}", changes, thin=f == 1e6))
+    for cells in (12, 100, 500, 2000):
+        # In a domain of 12 cells, so that speeds are the same and times go with its width.
+        changes = _scaled(12.0 / cells) | {"walls.ghost_density": "paper"} | _until(24.0 / cells)
+        cases.append(Case("ghost density 1/h^2, h =", f"1/{cells}", changes, thin=cells == 2000))
+    for a in (0.0, 0.1, 1.0, 10.0, 100.0):
+        noise = {"noise": {"noise": a, "angular_noise": a}, "particles.realisations": 10}
+        cases.append(Case("noise", f"{a:g}", noise, thin=a in (0.0, 100.0)))
+    return cases
+
+
+def _densities() -> list[Case]:
+    h = SMALL["numerics"]["cell"]
+    one = {"start": {"x": [0.0, h], "y": [0.0, h], "angle": 0.3}}
+    cases = [Case("density", "all in one cell", one, thin=True)]
+    for width in (1e-50, 1e50, 1e143):
+        density = f"{4.0 / width / width:.0e}"
+        changes = _scaled(width, drive="potential") | {"walls": None}
+        # The same motion in another unit of length; eps0 h^2 of the widest would overflow.
+        square = width * width
+        changes |= {"particles.inertia": 1e-2 * square, "interaction": {"strength": 0.1 * square}}
+        if width > 1e100:
+            changes |= {"interaction": None}
+        cases.append(Case("density", density, changes, thin=width > 1e100))
+    return cases
+
+
+def _particles() -> list[Case]:
+    apart = {"1e-14": 1e-14, "1e-3": 1e-3, "the reach": _REACH}
+    cases = [
+        Case("two particles", "at one place", _points((0.1, 0.1, 0.3), (0.1, 0.1, 0.3)), thin=True)
+    ]
+    for name, distance in apart.items():
+        points = _points((0.1, 0.1, 0.0), (0.1 + distance, 0.1, 0.0))
+        cases.append(Case("two particles", f"{name} apart", points))
+    cases.append(Case("one particle", "", _points((0.1, 0.1, 0.3)), thin=True))
+    side = 0.5 * _REACH
+    box = {"start.x": [-side, side], "start.y": [-side, side], "particles.realisations": 1}
+    for number in (1000, 100_000):
+        step = {"times": [0.01], "numerics.time_step": 0.01}
+        changes = box | step | {"particles.number": number}
+        cases.append(Case("in a box of one reach", f"N = {number}", changes, models=PARTICLES))
+    return cases
+
+
+def _flows_and_angles() -> list[Case]:
+    cases = []
+    for field in ("rotation", "shear", "top_bottom"):
+        for g in (1e2, 1e4, 1e6):
+            # Ten of the times in which drag and gradient together change a place.
+            changes = {"flow.field": field} | _until(10.0 / math.sqrt(10.0 * g))
+            name = f"{field.replace('_', '-')}, {g:g}"
+            if field == "rotation" or g == 1e6:
+                cases.append(Case("gradient", name, changes, gradient=g, thin=g == 1e6))
+    return cases + [
+        Case("start angle", f"{angle:g}", {"start.angle": angle}, thin=angle == 1e9)
+        for angle in (1e3, 1e9)
+    ]
+
+
+def _steps_and_times() -> list[Case]:
+    cases = []
+    stable = 2.0 / SMALL["flow"]["drag"]
+    for factor in (1e-3, 1e-2, 0.1, 1.0, 10.0, 1e3):
+        changes = {
+            "numerics.time_step": factor * stable,
+            "numerics.tolerance": 1e-3 * factor,
+            "numerics.cfl": min(1.0, factor),
+        }
+        cases.append(Case("steps, stable one x", f"{factor:g}", changes, thin=factor == 1e3))
+    for count in (100, 10_000):
+        changes = {"times": [count / SMALL["flow"]["drag"]]}
+        cases.append(Case("end time, in 1/drag", f"{count}", changes))
+    return cases
+
+
+def _places() -> list[Case]:
+    wall, corner = (-0.5, 0.1, 0.3), (-0.5, 0.5, 0.3)
+    return [
+        Case("domain", "of one cell", {"numerics.cell": 1.0}, thin=True),
+        Case("domain", "of 2 x 2 cells", {"numerics.cell": 0.5}),
+        Case("start", "on a wall", _points(wall, (-0.5, 0.0, 1.0), (0.0, 0.5, 0.0)), thin=True),
+        Case("start", "in a corner", _points(corner, (0.5, 0.5, 0.0)), thin=True),
+        Case("start", "outside", _points((0.7, 0.1, 0.0)), thin=True),
+        Case("start", "on an open edge", _OPEN | {"start.x": [0.25, 0.5]}),
+        Case("open, blown out", "", _OPEN | {"flow.field": "top_bottom", "flow.drag": 100.0}),
+    ]
+
+
+def _two_at_once() -> list[Case]:
+    still = {"flow": None} | _ALONE
+    return [
+        Case("nothing acts", "", still, thin=True),
+        Case("no drag, inertia", "1e-8", {"flow": None, "particles.inertia": 1e-8, **_until(0.02)}),
+        Case("both drags 1e8, eps0", "1e6", {"flow.drag": 1e8, "flow.angular_drag": 1e8,
+             "interaction.strength": 1e6}, thin=True),
+        Case("drag 1e8, noise", "100", {"flow.drag": 1e8, "noise": {"noise": 100.0,
+             "angular_noise": 100.0}, "particles.realisations": 10}),
+        Case("aspect ratio 100, eps0", "1e3", {"particles.width": 1e-3,
+             "interaction.strength": 1e3, **_until(0.2)}),
+        Case("circle, inertia", "1e-8", {"particles.width": 0.1, "particles.inertia": 1e-8}),
+        Case("one cell, eps0", "1e6", {"numerics.cell": 1.0, "interaction.strength": 1e6,
+             **_until(0.005)}),
+        Case("open, gradient", "1e4", _OPEN | {"flow.field": "top_bottom", "times": [0.03],
+             "numerics.time_step": 6e-4}, gradient=1e4),
+        Case("inertia 1e-6, angular drag", "1e4", {"particles.inertia": 1e-6,
+             "flow.angular_drag": 1e4}),
+    ]  # fmt: skip
+
+
+CASES: tuple[Case, ...] = (
+    *_one_by_one(),
+    *_walls_and_noise(),
+    *_densities(),
+    *_particles(),
+    *_flows_and_angles(),
+    *_steps_and_times(),
+    *_places(),
+    *_two_at_once(),
+)

@@ -1,0 +1,179 @@
+"""The stability map for people: a page with the picture, a summary, and what did not complete."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from ellipsoid_coupling.compare.stability import Case, Field, write_stability
+from ellipsoid_coupling.compare.stability.watch import LARGEST_DRIFT, MOST_STEPS
+from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.output.figures import draw_stability
+from ellipsoid_coupling.output.labels import model_name
+
+SUMMARY_COLUMNS = (
+    "model",
+    "scheme",
+    "runs",
+    "completed",
+    "stopped",
+    "broken",
+    "refused",
+    "error: median",
+    "largest",
+    "mass drift",
+    "seconds",
+)
+
+_STYLE = """
+body { font-family: sans-serif; max-width: 75em; margin: 2em auto; padding: 0 1em; color: #222; }
+img { max-width: 100%; } table { border-collapse: collapse; font-size: 90%; }
+td, th { border: 1px solid #ccc; padding: 0.2em 0.5em; text-align: left; vertical-align: top; }
+.stopped, .broken { background: #fddbc7; } .refused { background: #eee; }
+"""
+_EXPLANATION = f"""
+<p>Every case changes one thing of a small scene, some two: a box with walls in a rigid rotation, 40
+particles, 12 x 12 cells, 16 angles. Every model runs it with both schemes. A field shows the error:
+the larger of the mean distance by which mass lies off along x or y (in widths of the domain) and of
+the difference of &lt;e<sup>2 i theta</sup>&gt; (0 to 2), against the reference that the table below
+names: the model's own scheme <code>accurate</code> at half the cell width and twice the angles, or
+a hundredth of the tolerance; with noise, more realisations of other noise, so that what is shown is
+mostly the sampling error of a few hundred particles.</p>
+<ul><li><b>stop</b>: the run ended with a reason. It may take
+{", ".join(f"{steps} steps ({kind})" for kind, steps in MOST_STEPS.items())}, repeated ones included;
+no clock takes part, so that the map is the same on any machine.</li>
+<li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (what left
+through open edges counted), a density was negative or a particle outside the walls.</li>
+<li><b>bad in.</b>: refused as bad input, before anything was computed.</li>
+<li><b>-</b>: the case means nothing to the model. <b>?</b>: the reference took too many steps.</li>
+</ul>
+<p>Large errors of <code>accurate</code> say that the small scene does not resolve the case (a needle
+of a hundredth of a cell) or that its paths are chaotic, not that the scheme failed. Where
+<code>paper</code> did not hold, the table tells the largest step tried with which it does.</p>
+"""
+
+
+def report_stability(fields: Sequence[Field], cases: Sequence[Case], folder: Path) -> None:
+    """stability.csv, stability.png and index.html in `folder`, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_stability(fields, folder)
+    draw_stability(fields, folder / "stability.png")
+    text = (
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Stability map</title>'
+        f"<style>{_STYLE}</style></head><body><h1>Stability map</h1>{_EXPLANATION}"
+        f"<h2>Summary</h2>{_table(SUMMARY_COLUMNS, summary_rows(fields))}"
+        '<p><img src="stability.png" alt="cases against models and schemes"></p>'
+        f"<h2>What did not hold</h2>{_failures(fields)}"
+        f"<h2>The cases</h2>{_table(('case', 'changes'), _case_rows(cases))}"
+        f"<h2>All runs</h2>{_runs(fields)}</body></html>\n"
+    )
+    with whole_file(folder / "index.html") as beside:
+        beside.write_text(text, encoding="utf-8")
+
+
+def summary_rows(fields: Sequence[Field]) -> list[tuple[str, ...]]:
+    """One line a model and scheme, and one for each scheme in all."""
+    groups: dict[tuple[str, str], list[Field]] = {}
+    for field in fields:
+        if field.outcome != "not applicable":
+            groups.setdefault((model_name(field.model), field.scheme), []).append(field)
+            groups.setdefault(("all", field.scheme), []).append(field)
+    order = sorted(groups, key=lambda group: group[0] == "all")
+    return [(*group, *_summary(groups[group])) for group in order]
+
+
+def _summary(fields: Sequence[Field]) -> tuple[str, ...]:
+    counts = [
+        sum(field.outcome == outcome for field in fields)
+        for outcome in ("completed", "stopped", "broken", "refused")
+    ]
+    errors = sorted(field.error for field in fields if math.isfinite(field.error))
+    drifts = [field.mass_drift for field in fields if math.isfinite(field.mass_drift)]
+    seconds = sum(field.seconds for field in fields if math.isfinite(field.seconds))
+    return (
+        str(len(fields)),
+        *map(str, counts),
+        _number(errors[len(errors) // 2] if errors else math.nan),
+        _number(errors[-1] if errors else math.nan),
+        _number(max(drifts, default=math.nan)),
+        f"{seconds:.1f}",
+    )
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.2g}"
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], kinds: Sequence[str] = ()) -> str:
+    head = "".join(f"<th>{html.escape(column)}</th>" for column in columns)
+    body = "".join(
+        f'<tr class="{kind}">' + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+        for row, kind in zip(rows, kinds or [""] * len(rows), strict=True)
+    )
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _failures(fields: Sequence[Field]) -> str:
+    failed = [
+        f for f in fields if f.outcome in ("stopped", "broken", "refused") or f.needed_step > 0
+    ]
+    columns = ("case", "model", "scheme", "outcome", "error", "step it would need", "reason")
+    rows = [
+        (
+            field.case,
+            model_name(field.model),
+            field.scheme,
+            field.outcome,
+            _number(field.error),
+            _number(field.needed_step),
+            field.reason,
+        )
+        for field in failed
+    ]
+    return _table(columns, rows, [field.outcome for field in failed])
+
+
+def _case_rows(cases: Sequence[Case]) -> list[tuple[str, str]]:
+    def told(case: Case) -> str:
+        changes = [f"{key} = {value}" for key, value in case.settings.items()]
+        return "; ".join(changes + [f"the flow times {case.gradient:g}"] * (case.gradient != 1.0))
+
+    return [(case.name, told(case)) for case in cases]
+
+
+def _runs(fields: Sequence[Field]) -> str:
+    columns = (
+        "case",
+        "model",
+        "scheme",
+        "outcome",
+        "place error",
+        "angle error",
+        "reference",
+        "mass drift",
+        "least density",
+        "steps",
+        "repeated",
+        "seconds",
+    )
+    shown = [field for field in fields if field.outcome != "not applicable"]
+    rows = [
+        (
+            field.case,
+            model_name(field.model),
+            field.scheme,
+            field.outcome,
+            _number(field.place_error),
+            _number(field.angle_error),
+            field.reference,
+            _number(field.mass_drift),
+            _number(field.least_density),
+            f"{field.steps:.0f}".replace("nan", ""),
+            f"{field.rejected:.0f}".replace("nan", ""),
+            f"{field.seconds:.2f}".replace("nan", ""),
+        )
+        for field in shown
+    ]
+    return _table(columns, rows, [field.outcome for field in shown])

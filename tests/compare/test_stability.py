@@ -1,0 +1,96 @@
+"""The stability map: what it measures, and that `accurate` holds on the thinned one."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.compare.stability import (
+    CASES,
+    Case,
+    Field,
+    chosen_cases,
+    examine,
+    map_stability,
+)
+from ellipsoid_coupling.compare.stability.distance import Shape, distances
+from ellipsoid_coupling.models import model_names
+from ellipsoid_coupling.output.stability_report import report_stability, summary_rows
+
+SHORT = {"times": [0.1]}
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_accurate_completes_the_thinned_map(model: str) -> None:
+    """Finite, mass to 1e-12, no negative density, particles inside the walls (`examine.Field`)."""
+    fields = map_stability(chosen_cases(quick=True), [model])
+    accurate = [f for f in fields if f.scheme == "accurate" and f.outcome != "not applicable"]
+    refused = {f.case for f in accurate if f.outcome == "refused"}
+    assert refused <= {"start outside"}
+    missed = [f"{f.case}: {f.reason}" for f in accurate if f.outcome in ("stopped", "broken")]
+    assert not missed
+    assert all(f.mass_drift < 1e-12 for f in accurate if f.outcome == "completed")
+
+
+def test_every_case_has_its_own_name_and_builds() -> None:
+    assert len({case.name for case in CASES}) == len(CASES)
+    outside = [case.name for case in CASES if case.family == "start" and case.value == "outside"]
+    for case in CASES:
+        if case.name not in outside:
+            case.scene("microscopic")
+
+
+def test_a_run_that_fails_says_why_and_what_it_would_need() -> None:
+    """The leapfrog under stiff drag: dt drag = 100, where it needs 2."""
+    case = Case("drag", "1e4", {"flow.drag": 1e4, "times": [5.0]})
+    fields = {field.scheme: field for field in examine(case, "microscopic", ("paper", "accurate"))}
+    paper, accurate = fields["paper"], fields["accurate"]
+    assert paper.outcome == "stopped"
+    assert "finite" in paper.reason
+    assert paper.needed_step == 2e-4
+    assert accurate.outcome == "completed"
+    assert accurate.error < 1e-2
+    assert math.isnan(accurate.needed_step)
+
+
+def test_what_leaves_through_open_edges_is_counted() -> None:
+    """All of the mass is blown out; what is missing is what was measured at the edges."""
+    settings = {"walls": None, "domain.boundary": "open", "flow.field": "top_bottom"}
+    case = Case("open", "", settings | {"times": [5.0]})
+    for model in ("rho_mono_kinetic", "q_mono_kinetic", "q_maxwellian", "diffusive"):
+        for field in examine(case, model, ("paper", "accurate")):
+            assert field.outcome == "completed", field
+            assert field.mass_drift < 1e-12
+
+
+def test_distances_are_those_of_shifted_masses() -> None:
+    """A marginal moved by a tenth of the width is 0.1 away, axes turned by 90 degrees 2."""
+    places = (np.arange(480) + 0.5) / 480
+    one = Shape(np.array([places > 0.3, places > 0.5], np.float64), 1.0)
+    other = Shape(np.array([places > 0.4, places > 0.5], np.float64), -1.0)
+    place, angle = distances(one, other, turns=True)
+    assert (place, angle) == pytest.approx((0.1, 2.0), abs=1e-3)
+    assert distances(one, other, turns=False)[1] == 0.0
+
+
+def test_the_report_is_whole(tmp_path: Path) -> None:
+    cases = [Case("as it is", "", SHORT), Case("start", "outside", CASES[0].settings)]
+    fields = map_stability(cases[:1], ["microscopic", "stationary_state"])
+    stopped = replace(fields[0], value="<b>", outcome="stopped", reason="a & b")
+    report_stability([*fields, stopped], cases, tmp_path)
+    lines = list(csv.DictReader((tmp_path / "stability.csv").read_text().splitlines()))
+    assert len(lines) == 5
+    assert set(lines[0]) == set(Field.__dataclass_fields__)
+    page = (tmp_path / "index.html").read_text()
+    assert "&lt;b&gt;" in page
+    assert "a &amp; b" in page
+    assert (tmp_path / "stability.png").stat().st_size > 10_000
+    assert [row[:3] for row in summary_rows(fields)][-2:] == [
+        ("all", "paper", "2"),
+        ("all", "accurate", "2"),
+    ]

@@ -1,0 +1,54 @@
+"""Samples that interact pair by pair: against the pair sum of `microscopic`, and when they do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction.cells import cell_grid
+from ellipsoid_coupling.interaction.choice import Method
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
+from ellipsoid_coupling.interaction.sample_choice import choose_samples
+from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
+from ellipsoid_coupling.physics.potential import potential_shape
+
+UNIT = (0.0, 1.0)
+SHAPE = potential_shape(0.1, 0.05)
+
+
+@pytest.mark.parametrize("degrees", [2, 3])
+def test_blocks_of_samples_are_one_cloud(degrees: int) -> None:
+    """3 blocks of 40 interact like 120 particles of one realisation, to rounding."""
+    rng = np.random.default_rng(3)
+    place = rng.random((3, degrees, 40))
+    force = np.zeros_like(place)
+    shape = SHAPE if degrees == 3 else potential_shape(0.1, 0.1)
+    SamplePairs(UNIT, UNIT, shape, 2.0).add_forces(place, (0.5, 4.0), force)
+    flat = np.ascontiguousarray(place.transpose(1, 0, 2).reshape(degrees, -1))
+    double = 2.0 * flat[2] if degrees == 3 else np.zeros(flat.shape[1])
+    axis = np.array([np.cos(double), np.sin(double)])
+    grid = cell_grid(UNIT, UNIT, shape.reach)
+    torque = 2.0 / 120 * 4.0 if degrees == 3 else None
+    expected = np.zeros_like(flat)
+    add_pair_forces(flat, axis, Pairs(grid, shape, 2.0 / 120 * 0.5, torque, None, 0.0), expected)
+    found = force.transpose(1, 0, 2).reshape(degrees, -1)
+    assert np.abs(found - expected).max() <= 1e-13 * np.abs(expected).max()
+
+
+def test_few_and_slender_samples_interact_pair_by_pair() -> None:
+    def choose(samples: int, width: float, method: Method = "auto") -> object:
+        shape = potential_shape(0.1, width)
+        return choose_samples(
+            UNIT, UNIT, shape, width, 1.0, samples=samples, tolerance=0.2, method=method
+        )
+
+    assert isinstance(choose(80, 0.05), SamplePairs)
+    assert isinstance(choose(10_000, 0.05), SampleInteraction)
+    assert isinstance(choose(10_000, 0.05, "direct"), SamplePairs)
+    assert isinstance(choose(80, 0.05, "harmonics"), SampleInteraction)
+    for width in (0.01, 1e-9):
+        assert isinstance(choose(10_000, width), SamplePairs)
+        with pytest.raises(InputError, match="direct"):
+            choose(10_000, width, "harmonics")

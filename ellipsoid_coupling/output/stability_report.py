@@ -38,7 +38,7 @@ _EXPLANATION = f"""
 particles, 12 x 12 cells, 16 angles. Every model runs it with both schemes. A field shows the error:
 the larger of the mean distance by which mass lies off along x or y (in widths of the domain) and of
 the difference of &lt;e<sup>2 i theta</sup>&gt; (0 to 2), against the reference that the table below
-names: the model's own scheme <code>accurate</code> at half the cell width and twice the angles, or
+names: the model's own scheme <code>accurate</code> with half as many cells and angles again, or
 a hundredth of the tolerance; with noise, more realisations of other noise, so that what is shown is
 mostly the sampling error of a few hundred particles.</p>
 <ul><li><b>stop</b>: the run ended with a reason. It may take

@@ -71,14 +71,19 @@ class BalancedHeun:
     def largest_step(self) -> tuple[float, int]:
         """From the fastest signal, the forces within the step included."""
         system = self._system
-        limits = system.limits()._replace(sound=SIGNAL)
+        limits = system.limits()._replace(sound=SIGNAL, damped=True)
         shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
         steps = [shortest[0], shortest[0], shortest[1]]
+        rates = [system.terms.damping, system.terms.damping, system.terms.angular_damping]
         for d, distance in enumerate(limits.distances):
-            # dt (distance/step + pull dt/2) = distance, which no cell exceeds.
+            # dt (distance/step + pull dt/2) = distance, which no cell exceeds; or, where damping
+            # holds velocities, dt (distance/step + pull/Gamma) = distance.
             speed = distance / steps[d] if steps[d] > 0.0 else np.inf
-            root = speed + math.sqrt(speed * speed + 2.0 * float(self.memory[d]) * distance)
-            steps[d] = 2.0 * distance / root if root > 0.0 else np.inf
+            pull, damping = float(self.memory[d]), rates[d]
+            root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
+            held = speed + (pull / damping if damping > 0.0 else np.inf)
+            shortened = 2.0 * distance / root if root > 0.0 else np.inf
+            steps[d] = max(shortened, distance / held) if held > 0.0 else shortened
         return shorter((min(steps[:2]), steps[2]))
 
     def step(self, dt: float, count: int) -> None:

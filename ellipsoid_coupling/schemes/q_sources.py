@@ -111,10 +111,13 @@ class Limits(NamedTuple):
         How far mass may move along x, y and, where it is transported in it, the angle.
     sound : float
         Speed of sound, which adds to the velocities.
+    damped : bool
+        Damping is solved exactly, so that no velocity passes F/Gamma within a step.
     """
 
     distances: Floats
     sound: float
+    damped: bool = False
 
 
 # The step that flights in space and that turning allow.
@@ -133,13 +136,17 @@ def _shortest_step(
     out: Floats,
     rates: Floats,
     distances: Floats | None,
-    sound: float,
+    how: tuple[float, bool],
     shortest: Floats,
 ) -> None:
     """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance.
 
+    Where damping holds velocities, dt (|v| + sound + |F/Gamma - v|) = distance if that is longer.
+
+    how : sound and damped of `Limits`.
     shortest : (2,) overwritten, for space and for the angle.
     """
+    sound, damped = how
     shortest[:] = np.inf
     if distances is None:
         return
@@ -156,6 +163,8 @@ def _shortest_step(
             speed = 0.0 if here <= 0.0 else abs(v) + sound
             root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
             step = 2.0 * distance / root
+            held = speed + pull / rate if damped and rate > 0.0 else np.inf
+            step = max(step, distance / held) if held > 0.0 else step
             # Not finite counts as a step of length 0, so that the caller notices.
             least = min(least, step) if step >= 0.0 else 0.0
         kind = 1 if d == 2 else 0
@@ -170,7 +179,7 @@ def _relax(
     forces: AngleForces | None,
     change: tuple[float, float, float, float],
     distances: Floats | None,
-    sound: float,
+    how: tuple[float, bool],
 ) -> Steps:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
@@ -194,7 +203,7 @@ def _relax(
             for i in range(width):
                 momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
         at = a + GHOSTS, j + GHOSTS, begin
-        _shortest_step(fields, at, out, rates, distances, sound, shortest[task])
+        _shortest_step(fields, at, out, rates, distances, how, shortest[task])
     return shortest[:, 0].min(), shortest[:, 1].min()
 
 
@@ -206,8 +215,10 @@ def _relaxed(
     change: tuple[float, float, float, float],
     limits: Limits | None,
 ) -> Steps:
-    distances, sound = (None, 0.0) if limits is None else limits
-    return _relax(fields, extents, terms, forces, change, distances, sound)
+    if limits is None:
+        return _relax(fields, extents, terms, forces, change, None, (0.0, False))
+    how = limits.sound, limits.damped
+    return _relax(fields, extents, terms, forces, change, limits.distances, how)
 
 
 def kick_exactly(

@@ -130,3 +130,30 @@ def test_exponential_to_rounding() -> None:
     values = np.array([exponential(v) for v in x])
     assert np.max(np.abs(values / np.exp(x) - 1)) < 3e-14
     assert np.max(np.abs(values[:500] / np.exp(x[:500]) - 1)) < 1e-15
+
+
+@pytest.mark.parametrize("width", [0.05, 1e-3, 1e-6, 1e-10])
+def test_parallel_needles_keep_all_digits(width: float) -> None:
+    """Side by side and in line: U = S/(2 l d) e^(-s/(1-s)), s = dx^2/(2 l^2) + dy^2/(2 d^2).
+
+    1 - lambda^2, of which no digit is left at a width of 1e-10, is never formed: exact to rounding.
+    """
+    shape = potential_shape(0.1, width)
+    long_axis, short_axis = 0.2, 2.0 * width
+    largest = (long_axis**2 + short_axis**2) / (2.0 * long_axis * short_axis)
+    for dx, dy in ((0.07, 0.0), (0.0, 0.4 * width), (0.05, 0.9 * width)):
+        s = dx**2 / (2.0 * long_axis**2) + dy**2 / (2.0 * short_axis**2)
+        expected = largest * math.exp(-s / (1.0 - s))
+        slope = expected / (1.0 - s) ** 2
+        potential, along, across, _ = evaluate(dx, dy, 0.0, 0.0, shape)
+        assert potential == pytest.approx(expected, rel=1e-13)
+        assert along == pytest.approx(slope * dx / long_axis**2, rel=1e-13)
+        assert across == pytest.approx(slope * dy / short_axis**2, rel=1e-13)
+
+
+def test_needles_at_any_angle_stay_finite() -> None:
+    rng = np.random.default_rng(5)
+    shape = potential_shape(0.1, 1e-12)
+    for dx, dy, theta, change in rng.random((1000, 4)):
+        for bar in (theta, theta + 1e-9 * change, theta + change):
+            assert np.isfinite(evaluate(0.1 * dx, 0.1 * dy, theta, bar, shape)).all()

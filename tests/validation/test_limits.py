@@ -118,7 +118,7 @@ def test_without_inertia_torques_balance(scheme: Any) -> None:
     """Two particles that cannot move settle where their potential is least.
 
     The fluid turns them by gamma_bar g I_c against a torque, so that the angles are off by a multiple
-    of I_c, rate 1: 5e-4 at 1e-6. Their oscillation has died by e^-25 (t = 10, gamma_bar = 5).
+    of I_c, rate 1. Their oscillation has died by e^-25 (t = 10, gamma_bar = 5).
     """
     shape = potential_shape(0.1, 0.05)
     points = [[0.3, 0.1, 1.3], [0.42, 0.12, 1.1]]
@@ -128,7 +128,7 @@ def test_without_inertia_torques_balance(scheme: Any) -> None:
 
     least = fmin(energy, np.array([1.3, 1.1]), xtol=1e-10, ftol=1e-15, disp=False)
     errors = []
-    for inertia in (1e-3, 1e-4, 1e-5):
+    for inertia in (1e-2, 1e-3, 1e-4):
         settings = {
             "times": [10.0],
             "particles.number": 2,
@@ -138,7 +138,7 @@ def test_without_inertia_torques_balance(scheme: Any) -> None:
             "start": {"points": points},
             "flow.drag": 0.0,
             "flow.angular_drag": 5.0,
-            "numerics.time_step": 1e-4,
+            "numerics.time_step": 5e-4,
         }
         angles = ec.simulate(ec.load_scene("rotation", settings), "microscopic", scheme)
         errors.append(float(np.abs(angles.variables["angle"][-1, 0] - least).max()))

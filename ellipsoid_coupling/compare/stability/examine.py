@@ -17,7 +17,9 @@ from ellipsoid_coupling.scenes import Scene, terms_of
 # the steps that it may take.
 _SMALLER = (0.1, 0.01, 1e-3)
 _SHARE_OF_SEARCH = 0.1
-# A reference of twice the cells in every direction may take fewer steps.
+# A reference has so many times as many cells in every direction.
+_FINER = 1.5
+# With more cells it may take fewer steps.
 _SHARE_OF_REFERENCE = {"particles": 1.0, "rho": 0.5, "q": 0.25}
 
 
@@ -85,8 +87,8 @@ def _finer(case: Case, model: str) -> tuple[Table, str]:
             return {"particles.realisations": count}, f"accurate, other noise, {count} realisations"
         tolerance = 0.01 * min(numerics.tolerance, 1e-3)
         return {"numerics.tolerance": tolerance}, f"accurate, tolerance {tolerance:g}"
-    angles = 2 * numerics.angle_cells
-    cell = 0.5 * numerics.cell
+    angles = round(_FINER * numerics.angle_cells)
+    cell = scene.domain.width / math.ceil(_FINER * round(scene.domain.width / numerics.cell))
     settings = {"numerics.cell": cell, "numerics.angle_cells": angles, "numerics.cfl": 0.9}
     return settings, f"accurate, h = {cell:.3g}, {angles} angles"
 

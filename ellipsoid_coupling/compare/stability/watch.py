@@ -23,7 +23,7 @@ from ellipsoid_coupling.scenes import Scene, terms_of
 Outcome = Literal["completed", "broken", "stopped", "refused", "not applicable"]
 
 # Steps, repeated ones included, that a run may take: some seconds on the small scene.
-MOST_STEPS = {"particles": 120_000, "rho": 20_000, "q": 8_000}
+MOST_STEPS = {"particles": 120_000, "rho": 20_000, "q": 4_000}
 # A run that keeps its mass to this, its density positive and its particles inside is whole.
 LARGEST_DRIFT = 1e-12
 _EXHAUSTED = "more than"

@@ -14,9 +14,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ellipsoid_coupling.errors import EllipsoidError, InputError, RunError
+    from ellipsoid_coupling.errors import (
+        EllipsoidError,
+        InputError,
+        Interrupted,
+        RunError,
+        WriteError,
+    )
     from ellipsoid_coupling.flow import FlowField
     from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
     from ellipsoid_coupling.simulation import simulate
 
@@ -26,9 +33,12 @@ __all__ = [
     "EllipsoidError",
     "FlowField",
     "InputError",
+    "Interrupted",
     "Result",
     "RunError",
+    "RunFolder",
     "Scene",
+    "WriteError",
     "builtin_scenes",
     "load_scene",
     "simulate",
@@ -36,9 +46,10 @@ __all__ = [
 
 # Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
 _HOMES = {
-    "errors": ("EllipsoidError", "InputError", "RunError"),
+    "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
     "flow": ("FlowField",),
     "result": ("Result",),
+    "run_folder": ("RunFolder",),
     "scenes": ("Scene", "builtin_scenes", "load_scene"),
     "simulation": ("simulate",),
 }

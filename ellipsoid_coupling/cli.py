@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError
+from ellipsoid_coupling.errors import EllipsoidError, InputError, readable
+from ellipsoid_coupling.inputs import exists
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
@@ -28,6 +29,9 @@ Settings = Annotated[
     list[str] | None,
     Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
 ]
+Force = Annotated[
+    bool, Parameter(negative="", help="Write into --out even if it holds something already.")
+]
 Names = Annotated[list[str], Parameter(negative="")]
 
 
@@ -36,9 +40,18 @@ def _print(*lines: str) -> None:
         sys.stdout.write(line + "\n")
 
 
-def _new_folder(out: Path | None, name: str) -> Path:
-    """`out`, or results/`name` with the first free number behind it."""
+def _new_folder(out: Path | None, name: str, force: bool = True) -> Path:
+    """`out`, or results/`name` with the first free number behind it.
+
+    Raises
+    ------
+    InputError
+        If `out` holds something, and `force` is not given.
+    """
     if out is not None:
+        from ellipsoid_coupling.run_folder import require_free
+
+        require_free(out, force=force)
         return out
     folder, count = Path("results") / name, 1
     while folder.exists():
@@ -61,6 +74,8 @@ def flow(
     cells: int | None = None,
     processes: int = 1,
     out: Path | None = None,
+    force: Force = False,
+    trust: bool = False,
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
 
@@ -74,11 +89,17 @@ def flow(
         Processes of icoFoam (decomposePar, mpirun).
     out
         Where the solved case goes; into the cache if left out.
+    trust
+        Run the case even if something in it can run code: you have read it, or made it.
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
-        folder = solve_case(case, cells=cells, processes=processes, out=out, report=report)
+        folder = solve_case(
+            case, cells=cells, processes=processes, out=out, report=report, trust=trust
+        )
     _print(str(folder))
 
 
@@ -111,17 +132,6 @@ def plan(
     print_table(f"{chosen.name}, {model}", ("term", "", "why"), rows)
 
 
-def _run_file(scene: str) -> dict[str, Any]:
-    """The [run] part of a run.toml; empty for a scene."""
-    path = Path(scene)
-    if path.suffix != ".toml" or not path.is_file():
-        return {}
-    try:
-        return dict(tomllib.loads(path.read_text(encoding="utf-8")).get("run", {}))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
-
-
 @app.command
 def run(
     scene: str,
@@ -135,6 +145,9 @@ def run(
     realisations: int | None = None,
     out: Path | None = None,
     resume: bool = False,
+    force: Force = False,
+    checkpoint_seconds: float = 15.0,
+    stop_after: float | None = None,
 ) -> None:
     """Run one model on one scene.
 
@@ -155,21 +168,34 @@ def run(
     out
         The run folder; results/... if left out.
     resume
-        Continue the interrupted run in --out, bit for bit.
+        Continue the interrupted run in --out, bit for bit; from its start if it left no checkpoint.
+    checkpoint_seconds
+        Seconds between checkpoints: what a kill loses at most.
+    stop_after
+        Write a checkpoint and stop (status 1) after so many seconds.
     """
     from ellipsoid_coupling.models import scheme_named
+    from ellipsoid_coupling.run_folder import RunFolder
+    from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
-    before = _run_file(scene)
+    before = load_run_part(scene)
     chosen = _scene(scene, set_)
-    name = model or before.get("model")
+    name = model or before.model
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     if resume and out is None:
         raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
-    kind = scheme_named(scheme or before.get("scheme", "accurate"))
+    if seed is not None and not 0 <= seed < 2**63:
+        raise InputError("--seed", "a whole number from 0 to 2^63 - 1", str(seed), "Change it.")
+    if not 0.0 <= checkpoint_seconds < math.inf:
+        found = f"{checkpoint_seconds:g}"
+        raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
+    if stop_after is not None and not 0.0 < stop_after < math.inf:
+        raise InputError("--stop-after", "seconds above 0", f"{stop_after:g}", "Change it.")
+    kind = scheme_named(scheme or before.scheme)
     folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
@@ -177,13 +203,13 @@ def run(
             name,
             kind,
             flow=flow,
-            seed=seed if seed is not None else int(before.get("seed", 0)),
-            realisations=realisations or before.get("realisations"),
-            folder=folder,
-            resume=resume,
+            seed=seed if seed is not None else before.seed,
+            realisations=realisations or before.realisations,
+            folder=RunFolder(folder, resume, force, checkpoint_seconds, stop_after),
             report=report,
         )
-    shown = ("status", "resolution", "flow", "steps", "rejected_steps", "mass_start", "mass_end")
+    shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    shown += ["mass_start", "mass_end"]
     known = [key for key in shown if key in result.attributes]
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
     rows += [(k, f"{result.attributes[k]:.2f}") for k in ("wall_seconds", "compile_seconds")]
@@ -200,6 +226,7 @@ def compare(
     flow: Path | None = None,
     set_: Settings = None,
     longest: float = 60.0,
+    force: Force = False,
 ) -> None:
     """Errors against run time, split into their parts, as tables and figures.
 
@@ -220,10 +247,12 @@ def compare(
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
-    if not longest > 0.0:
-        raise InputError("--longest", "seconds above 0", f"{longest:g}", "Change it.")
+    if not 0.0 < longest < math.inf:
+        raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
-        if len(what) == 1 and not (Path(what[0]) / "result.nc").is_file():
+        if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
             field = scene_flow(scene, flow, report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
@@ -237,7 +266,7 @@ def compare(
 
 
 @app.command
-def stability(*, out: Path | None = None, quick: bool = False) -> None:
+def stability(*, out: Path | None = None, quick: bool = False, force: Force = False) -> None:
     """Run stiff and extreme cases with every model and scheme, and map what stays stable.
 
     Parameters
@@ -255,6 +284,8 @@ def stability(*, out: Path | None = None, quick: bool = False) -> None:
     )
 
     cases = chosen_cases(quick=quick)
+    if out is not None:
+        _new_folder(out, "", force)
     with ProgressReporter() as report:
         fields = map_stability(cases, report=report)
     folder = _new_folder(out, "stability")
@@ -264,7 +295,7 @@ def stability(*, out: Path | None = None, quick: bool = False) -> None:
 
 
 @app.command
-def export(run: Path, /) -> None:
+def export(run: Path, /, *, force: Force = False) -> None:
     """Write ParaView files into a run folder.
 
     Parameters
@@ -277,15 +308,15 @@ def export(run: Path, /) -> None:
     from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
+    folder = _new_folder((run if run.is_dir() else run.parent) / "paraview", "", force)
     with ProgressReporter() as report:
         field = scene_flow(result.scene, None, report)
-    folder = (run if run.is_dir() else run.parent) / "paraview"
     write(result, folder, flow=field)
     _print(str(folder))
 
 
 @app.command
-def figures(runs: Names, /, *, out: Path | None = None) -> None:
+def figures(runs: Names, /, *, out: Path | None = None, force: Force = False) -> None:
     """Draw the paper's pictures of finished runs.
 
     Parameters
@@ -299,12 +330,20 @@ def figures(runs: Names, /, *, out: Path | None = None) -> None:
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
+    if out is not None:
+        _new_folder(out, "", force)
     results = [Result.load(path) for path in runs]
     folder = _new_folder(out, "figures")
     folder.mkdir(parents=True, exist_ok=True)
     with ProgressReporter() as report:
         draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))
     _print(str(folder))
+
+
+def _leave_quietly() -> NoReturn:
+    """The reader of our output (head, less) has gone: nothing is left to say."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(1)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
@@ -317,10 +356,13 @@ def main(tokens: Sequence[str] | None = None) -> None:
     except CycloptsError as error:
         sys.stderr.write(f"ellipsoid: {error}\nSee ellipsoid --help.\n")
         sys.exit(InputError.exit_status)
+    except (MemoryError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            _leave_quietly()
+        # Nothing that a check before the run could know: a full disk, a file removed meanwhile.
+        found = readable(str(error)) or type(error).__name__
+        sys.stderr.write(f"ellipsoid: the system refused: {found}\n")
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("ellipsoid: interrupted\n")
         sys.exit(130)
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)

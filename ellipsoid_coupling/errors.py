@@ -1,4 +1,4 @@
-"""The two ways in which a command can end badly, and the exit status of each."""
+"""The ways in which a command can end early, and the exit status of each."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ class EllipsoidError(Exception):
 class InputError(EllipsoidError):
     """What a user gave does not fit: one message with place, expectation, finding and remedy.
 
+    Each part is cut to a readable length, and characters that would steer a terminal are shown as
+    escapes: what is quoted may come from anywhere.
+
     Parameters
     ----------
     where : str
@@ -23,9 +26,36 @@ class InputError(EllipsoidError):
     exit_status = 2
 
     def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:
-        self.where, self.expected, self.found, self.remedy = where, expected, found, remedy
-        super().__init__(f"{where}: expected {expected}, found {found}. {remedy}")
+        self.where, self.expected, self.found, self.remedy = map(
+            readable, (where, expected, found, remedy)
+        )
+        super().__init__(
+            f"{self.where}: expected {self.expected}, found {self.found}. {self.remedy}"
+        )
+
+
+_LONGEST = 500
+
+
+def readable(text: str) -> str:
+    """`text` in one line of printable characters, its middle left out where it is long."""
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
+    return "".join(c if c.isprintable() else " " if c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 class RunError(EllipsoidError):
     """A program or a solver failed: time, place, the term at fault and the remedy are in the text."""
+
+
+class WriteError(EllipsoidError):
+    """A file could not be written; what was there before is as it was."""
+
+
+class Interrupted(EllipsoidError):
+    """A run left off before its end, after a checkpoint; a signal's status is 128 + its number."""
+
+    def __init__(self, number: int, message: str) -> None:
+        if number:
+            self.exit_status = 128 + number
+        super().__init__(message)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling import histograms
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.scenes import Scene, scene_from_table
+from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.inputs import exists, is_folder
+from ellipsoid_coupling.limits import memory_limit
+from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table
+from ellipsoid_coupling.seal import read_sealed, sealed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,6 +29,13 @@ DIMENSIONS: dict[Layout, tuple[str, ...]] = {
     "particles": ("time", "realisation", "particle"),
     "q": ("time", "angle", "y", "x"),
     "rho": ("time", "y", "x"),
+}
+
+_MOTION = ("velocity_x", "velocity_y", "angular_velocity")
+VARIABLES: dict[Layout, tuple[str, ...]] = {
+    "particles": ("x", "y", "angle", *_MOTION),
+    "q": ("density", *_MOTION),
+    "rho": ("density", "mean_angle", *_MOTION),
 }
 
 # units and long_name of every variable and coordinate
@@ -122,14 +133,23 @@ class Result:
         return data
 
     def save(self, path: Path) -> None:
-        """Write result.nc (NetCDF-4); written beside and renamed, so that it is whole or not there."""
+        """Write result.nc (NetCDF-4) with a checksum behind it, whole or not there.
+
+        Made in memory first: the HDF5 library does not survive a full disk.
+
+        Raises
+        ------
+        WriteError
+            If it cannot be written.
+        """
         from ellipsoid_coupling.scenes import scene_to_toml
 
         data = self.to_dataset()
         data.attrs["scene_toml"] = scene_to_toml(self.scene)
-        beside = path.with_name(f".{path.name}.{os.getpid()}")
-        data.to_netcdf(beside, engine="h5netcdf")
-        beside.replace(path)
+        memory = io.BytesIO()
+        data.to_netcdf(memory, engine="h5netcdf")
+        with whole_file(path) as beside:
+            beside.write_bytes(sealed(memory.getvalue()))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -138,36 +158,64 @@ class Result:
         Raises
         ------
         InputError
-            If there is none, or it is not one of this package.
+            If there is none, it is not one of this package, or its parts do not fit together.
         """
-        import tomllib
-
         import xarray as xr
 
         file = Path(path)
-        file = file / "result.nc" if file.is_dir() else file
-        if not file.is_file():
+        file = file / "result.nc" if is_folder(file) else file
+        if not exists(file):
             raise InputError(str(path), "a run folder or a result.nc", "none", "Check the path.")
+        content = read_sealed(file, "a result file", memory_limit())
         try:
-            with xr.open_dataset(file, engine="h5netcdf") as data:
+            # Values stay as they were written: no decoding of times and fill values.
+            with xr.open_dataset(io.BytesIO(content), engine="h5netcdf", decode_cf=False) as data:
                 data.load()
             attributes: Mapping[str, Any] = {str(k): v for k, v in data.attrs.items()}
-            table = tomllib.loads(str(attributes["scene_toml"]))
-        except (OSError, ValueError, KeyError) as error:
+            toml = str(attributes["scene_toml"])
+            layout = next(k for k, dims in DIMENSIONS.items() if {*dims} == {*map(str, data.dims)})
+        except (OSError, ValueError, KeyError, TypeError, RuntimeError, StopIteration) as error:
+            found = str(error) or "none of the known sets of dimensions"
             remedy = "Give a result.nc that this package wrote."
-            raise InputError(str(file), "a result file", str(error), remedy) from None
-        return cls._from_dataset(data, attributes, scene_from_table(table, str(file)))
+            raise InputError(str(file), "a result file", found, remedy) from None
+        scene = scene_from_table(parse_toml(toml, str(file)), str(file))
+        result = cls._from_dataset(data, attributes, scene, layout)
+        result._check(str(file))
+        return result
+
+    def _check(self, where: str) -> None:
+        """InputError unless the variables are those of the layout, finite, at the scene's times."""
+        remedy = "Give a result.nc that this package wrote."
+        count = self.times.size
+        if not np.array_equal(self.times, self.scene.times[:count]):
+            expected = f"the scene's times {self.scene.times}"
+            raise InputError(f"{where}, time", expected, str(self.times), remedy)
+        wanted = VARIABLES[self.layout]
+        if set(self.variables) != set(wanted):
+            found = ", ".join(sorted(self.variables)) or "none"
+            raise InputError(where, f"the variables {', '.join(wanted)}", found, remedy)
+        shapes = {array.shape for array in self.variables.values()}
+        dimensions = DIMENSIONS[self.layout]
+        for name, array in self.variables.items():
+            if array.ndim != len(dimensions) or len(shapes) > 1 or array.dtype.kind != "f":
+                expected = f"floats over ({', '.join(dimensions)}), alike for all variables"
+                found = f"{array.dtype} {array.shape}"
+                raise InputError(f"{where}, {name}", expected, found, remedy)
+            if not np.isfinite(array).all():
+                bad = np.argwhere(~np.isfinite(array))[0].tolist()
+                raise InputError(
+                    f"{where}, {name}{bad}", "a finite number", "NaN or infinity", remedy
+                )
 
     @classmethod
-    def _from_dataset(cls, data: xr.Dataset, attributes: Mapping[str, Any], scene: Scene) -> Self:
+    def _from_dataset(
+        cls, data: xr.Dataset, attributes: Mapping[str, Any], scene: Scene, layout: Layout
+    ) -> Self:
         named = ("scene", "model", "scheme", "scene_toml")
-        layout = next(
-            key for key, dims in DIMENSIONS.items() if set(dims) == set(map(str, data.dims))
-        )
         return cls(
             scene=scene,
-            model=str(attributes["model"]),
-            scheme=str(attributes["scheme"]),
+            model=str(attributes.get("model", "")),
+            scheme=str(attributes.get("scheme", "")),
             layout=layout,
             times=np.asarray(data["time"].values, dtype=np.float64),
             variables={str(k): np.asarray(v.values) for k, v in data.data_vars.items()},

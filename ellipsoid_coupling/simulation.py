@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
+import hashlib
+import signal
 import time
-import tomllib
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,20 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling import checkpoint
+from ellipsoid_coupling.errors import InputError, Interrupted, RunError
+from ellipsoid_coupling.files import Arrays
 from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
+from ellipsoid_coupling.interruption import Interruption, noticed
 from ellipsoid_coupling.kernels import CompileTimer
-from ellipsoid_coupling.models import Arrays, Model, SchemeName, Setup, build_model, scheme_named
+from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, scheme_named
+from ellipsoid_coupling.monitors import Monitors
 from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
-from ellipsoid_coupling.scenes.files import table_to_toml
 
 Report = Callable[[str, float], None]
-
-# A kill loses at most about this much work.
-CHECKPOINT_SECONDS = 15.0
-
-_PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
 
 
 def scene_flow(
@@ -61,8 +61,7 @@ def simulate(
     flow: FlowField | str | Path | None = None,
     seed: int = 0,
     realisations: int | None = None,
-    folder: Path | None = None,
-    resume: bool = False,
+    folder: RunFolder | Path | None = None,
     report: Report | None = None,
 ) -> Result:
     """Run one model on one scene to its last save time.
@@ -79,22 +78,26 @@ def simulate(
         Fixes start positions and noise; the same call gives the same bits.
     realisations : int, optional
         Instead of the scene's number.
-    folder : Path, optional
-        The run folder: run.toml, checkpoints and result.nc go there.
-    resume : bool
-        Continue from the checkpoint in `folder`, bit for bit as if never stopped.
+    folder : RunFolder or Path, optional
+        run.toml, checkpoints and result.nc go there; see `RunFolder` for resuming and overwriting.
     report : callable, optional
         Called with the stage and its finished part, between 0 and 1.
 
     Raises
     ------
     InputError
-        For a scene, model or flow that do not fit together.
+        For a scene, model or flow that do not fit together, or a folder that may not be used;
+        nothing has been written then.
     RunError
         If the run failed; with a folder, what was reached stands in its result.nc with the status
         "failed: ...".
+    Interrupted
+        After SIGTERM or SIGINT, with a folder only; its checkpoint has been written.
     """
     scheme_named(scheme)
+    place = RunFolder(folder) if isinstance(folder, Path) else folder
+    if place is not None:
+        place.check()
     field = flow if isinstance(flow, FlowField) else scene_flow(scene, flow, report)
     setup = Setup(
         scene=scene,
@@ -104,10 +107,7 @@ def simulate(
         seed=seed,
         realisations=realisations or scene.particles.realisations,
     )
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        _write_run_file(folder, model, setup, resume)
-    return _Run(model, setup, folder, report).go(resume)
+    return _Run(model, setup, place, report).go()
 
 
 @dataclass
@@ -116,18 +116,23 @@ class _Run:
 
     name: str
     setup: Setup
-    folder: Path | None
+    folder: RunFolder | None
     report: Report | None
 
-    def go(self, resume: bool) -> Result:
-        started = time.perf_counter()
+    def go(self) -> Result:
+        self.started = time.perf_counter()
         self.snapshots: list[Arrays] = []
         self.earlier = np.zeros(2)  # wall and compile seconds of the runs before this one
-        with CompileTimer() as self.compiling:
+        self.asked = Interruption()
+        with CompileTimer() as self.compiling, ExitStack() as claim:
             self.model: Model = build_model(self.name, self.setup)
-            if resume:
-                self._load_checkpoint()
-            self.started = self.saved = started
+            if self.folder is not None:
+                claim.enter_context(self.folder.claimed(*self._identity()))
+                if self.folder.resume and (finished := _finished(self.folder)) is not None:
+                    return finished
+                self._load_checkpoint(self.folder)
+                self.keeper = Keeper(self.folder.checkpoint_seconds)
+                self.asked = claim.enter_context(noticed())
             try:
                 self._loop()
             except RunError as error:
@@ -135,13 +140,28 @@ class _Run:
                 raise
             return self._finish("completed")
 
+    def _identity(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The [run] and [scene] of run.toml: all that a repetition needs."""
+        setup, flow = self.setup, self.setup.flow
+        run = {
+            "model": self.name,
+            "scheme": setup.scheme,
+            "seed": setup.seed,
+            "realisations": setup.realisations,
+            "flow": flow.origin if flow else "none",
+            "flow_digest": _digest(flow) if flow else "none",
+        }
+        return run, setup.scene.model_dump(mode="json", exclude_none=True)
+
     def _loop(self) -> None:
         times = self.setup.scene.times
+        monitors = Monitors(self.name, self.setup, self.model)
         for until in times[len(self.snapshots) :]:
             while self.model.time < until:
                 self.model.advance(until)
+                monitors.look(self.model)
                 self._tell(self.model.time / times[-1])
-                self._checkpoint_if_due()
+                self._keep()
             self.snapshots.append(self.model.snapshot())
 
     def _tell(self, part: float) -> None:
@@ -155,32 +175,36 @@ class _Run:
         running = time.perf_counter() - self.started - compiling
         return np.asarray(self.earlier + np.array([running, compiling]))
 
-    def _checkpoint_if_due(self) -> None:
-        if self.folder is None or time.perf_counter() - self.saved < CHECKPOINT_SECONDS:
+    def _keep(self) -> None:
+        """A checkpoint where one is due or the run shall end here."""
+        if self.folder is None:
             return
-        self.saved = time.perf_counter()
-        arrays = {f"state.{k}": v for k, v in self.model.state().items()}
-        for i, snapshot in enumerate(self.snapshots):
-            arrays |= {f"snapshot.{i}.{k}": v for k, v in snapshot.items()}
-        beside = self.folder / f".checkpoint.{os.getpid()}.npz"
-        np.savez(beside, allow_pickle=False, seconds=self._seconds(), **arrays)
-        beside.replace(self.folder / "checkpoint.npz")
+        limit = self.folder.stop_after
+        late = limit is not None and time.perf_counter() - self.started > limit
+        if not (self.keeper.due or self.asked.signal or late):
+            return
+        begun = time.perf_counter()
+        self.folder.save(checkpoint.pack(self.model, self.snapshots, self._seconds()))
+        self.keeper.written(begun)
+        if self.asked.signal or late:
+            self._leave()
 
-    def _load_checkpoint(self) -> None:
-        file = self.folder / "checkpoint.npz" if self.folder else None
-        if file is None or not file.is_file():
-            return  # killed before the first checkpoint: nothing to continue from but the start
-        with np.load(file) as data:
-            self.earlier = data["seconds"]
-            prefix = "state."
-            state = {k.removeprefix(prefix): data[k] for k in data.files if k.startswith(prefix)}
-            self.model.restore(state)
-            for name in data.files:
-                if name.startswith("snapshot."):
-                    _, i, variable = name.split(".")
-                    while len(self.snapshots) <= int(i):
-                        self.snapshots.append({})
-                    self.snapshots[int(i)][variable] = data[name]
+    def _leave(self) -> None:
+        why = signal.Signals(self.asked.signal).name if self.asked.signal else "--stop-after"
+        path = self.folder.path if self.folder is not None else ""
+        raise Interrupted(
+            self.asked.signal,
+            f"{self.setup.scene.name}, {self.name}: stopped by {why} at t = {self.model.time:.6g}, "
+            f"with a checkpoint in {path}. Continue with --resume --out {path}.",
+        )
+
+    def _load_checkpoint(self, folder: RunFolder) -> None:
+        arrays = folder.load()
+        if arrays is None:
+            return  # ended before the first checkpoint: nothing to continue from but the start
+        where = str(folder.path / CHECKPOINT_FILE)
+        times = self.setup.scene.times
+        self.snapshots, self.earlier = checkpoint.unpack(arrays, self.model, times, where)
 
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
@@ -204,9 +228,25 @@ class _Run:
             },
         )
         if self.folder is not None:
-            result.save(self.folder / "result.nc")
-            (self.folder / "checkpoint.npz").unlink(missing_ok=True)
+            result.save(self.folder.result)
+            self.folder.clear()
         return result
+
+
+def _finished(folder: RunFolder) -> Result | None:
+    """The result of a run that has come to its end; None while there is none, or a failed one."""
+    if not folder.result.exists():
+        return None
+    result = Result.load(folder.path)
+    return result if result.status == "completed" else None
+
+
+def _digest(flow: FlowField) -> str:
+    """What tells two flows apart, by their numbers."""
+    digest = hashlib.sha256()
+    for part in flow.arrays:
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()[:16]
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
@@ -225,29 +265,3 @@ def _resolution(layout: str, setup: Setup) -> str:
         return f"{setup.scene.particles.number} x {setup.realisations} particles, {step}"
     angle = f", {numerics.angle_cells} angles" if layout == "q" else ""
     return f"h = {numerics.cell:g}{angle}"
-
-
-def _write_run_file(folder: Path, model: str, setup: Setup, resume: bool) -> None:
-    """run.toml: all that a repetition needs. A resumed run must be the one that was started."""
-    table = {
-        "run": {
-            "model": model,
-            "scheme": setup.scheme,
-            "seed": setup.seed,
-            "realisations": setup.realisations,
-            "flow": setup.flow.origin if setup.flow else "none",
-        },
-        "versions": {name: version(name) for name in _PACKAGES},
-        "scene": setup.scene.model_dump(mode="json", exclude_none=True),
-    }
-    file = folder / "run.toml"
-    if resume and file.is_file():
-        before = tomllib.loads(file.read_text(encoding="utf-8"))
-        for part in ("run", "scene"):
-            if before.get(part) != tomllib.loads(table_to_toml(table))[part]:
-                raise InputError(
-                    str(file), "the run that was started", f"another [{part}]", "Use another --out."
-                )
-    beside = folder / f".run.toml.{os.getpid()}"
-    beside.write_text(table_to_toml(table), encoding="utf-8")
-    beside.replace(file)

@@ -71,55 +71,10 @@ def test_run_toml_is_enough_to_repeat_the_run(tmp_path: Path) -> None:
         assert np.array_equal(values, again.variables[name]), name
 
 
-@EACH
-@pytest.mark.parametrize("noise", [None, 0.5])
-def test_a_killed_run_resumes_bit_for_bit(
-    model: str,
-    scheme: Any,
-    noise: float | None,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Checkpoints at every call; killed at the third; the rest must not notice."""
-    parts = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
-    fine = {"numerics.time_step": 0.002, "numerics.tolerance": 1e-7, "numerics.cfl": 0.1}
-    scene = small_scene(parts | fine)
-    whole = ec.simulate(scene, model, scheme, seed=3)
-    monkeypatch.setattr(module, "CHECKPOINT_SECONDS", 0.0)
-
-    class Killed(BaseException):
-        pass
-
-    calls = 0
-
-    def kill(_stage: str, _part: float) -> None:
-        nonlocal calls
-        calls += 1
-        if calls == 3:
-            raise Killed
-
-    with pytest.raises(Killed):
-        ec.simulate(scene, model, scheme, seed=3, folder=tmp_path, report=kill)
-    assert (tmp_path / "checkpoint.npz").is_file()
-    assert not (tmp_path / "result.nc").exists()
-    resumed = ec.simulate(scene, model, scheme, seed=3, folder=tmp_path, resume=True)
-    for name, values in whole.variables.items():
-        assert np.array_equal(values, resumed.variables[name]), name
-    assert resumed.attributes["steps"] == whole.attributes["steps"]
-    assert not (tmp_path / "checkpoint.npz").exists()
-    assert resumed.attributes["wall_seconds"] > 0
-
-
-def test_resuming_another_run_is_refused(tmp_path: Path) -> None:
-    ec.simulate(small_scene(), "microscopic", folder=tmp_path, seed=1)
-    with pytest.raises(InputError, match="the run that was started"):
-        ec.simulate(small_scene(), "microscopic", folder=tmp_path, seed=2, resume=True)
-
-
 def test_a_failed_run_keeps_what_it_reached(tmp_path: Path) -> None:
-    """Euler-Maruyama with dt gamma = 60: reaches the first time, explodes before the second."""
-    scene = small_scene({"flow.drag": 6000.0, "interaction": None, "times": [0.01, 30.0]})
-    with pytest.raises(RunError, match="no longer finite"):
+    """Euler-Maruyama with dt gamma = 2.5: reaches the first time, explodes before the second."""
+    scene = small_scene({"flow.drag": 250.0, "interaction": None, "times": [0.01, 30.0]})
+    with pytest.raises(RunError, match="beyond what forces"):
         ec.simulate(scene, "microscopic", "paper", folder=tmp_path)
     failed = Result.load(tmp_path)
     assert failed.status.startswith("failed: ")

@@ -26,7 +26,7 @@ from benchmark_start import start_rows
 from benchmark_tools import Row, Sizes, limits
 
 from ellipsoid_coupling import EllipsoidError
-from ellipsoid_coupling.output.files import whole_file
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 

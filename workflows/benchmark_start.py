@@ -27,12 +27,14 @@ def wall(arguments: Sequence[str], cache: Path | None = None) -> float:
 
 # Particles so small that a million have some 40 neighbours each.
 _MEMORY = """
-import resource, sys
+import re, sys
+from pathlib import Path
 import ellipsoid_coupling as ec
 settings = {"particles.number": int(sys.argv[1]), "particles.realisations": 1, "times": [1e-4]}
 size = {"particles.length": 0.005, "particles.width": 0.0025}
 ec.simulate(ec.load_scene("top_bottom", settings | size), "microscopic")
-print(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+# Not ru_maxrss, which starts from the peak of the process that started this one.
+print(1024 * int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1]))
 """
 
 

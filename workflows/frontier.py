@@ -20,7 +20,7 @@ from typing import Any
 from ellipsoid_coupling import EllipsoidError, load_scene
 from ellipsoid_coupling.compare import Frontier, run_frontier
 from ellipsoid_coupling.compare.frontier import LONGEST
-from ellipsoid_coupling.output.files import whole_file
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.frontier_report import CHOICE_COLUMNS, choice_rows, report_frontiers
 from ellipsoid_coupling.progress import ProgressReporter
 from ellipsoid_coupling.scenes.files import builtin_scenes

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ellipsoid_coupling import Result
-from ellipsoid_coupling.output.files import whole_file
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.progress import ProgressReporter
 
 _STYLE = """

@@ -15,8 +15,6 @@ with the cubic B-spline B, so velocity and gradient come from the same 16 coeffi
 from __future__ import annotations
 
 import math
-import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.flow.saved import read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
 from ellipsoid_coupling.kernels import inline_kernel, kernel
 
@@ -218,9 +218,8 @@ class FlowField:
 
     def save(self, path: Path) -> None:
         """Write an .npz that `load` reads; a kill at any moment leaves the old file or the new."""
-        scratch = path.with_name(f".{path.name}.{os.getpid()}")
         numbers = np.array(self.arrays[1:9])
-        with scratch.open("wb") as file:
+        with whole_file(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
                 file,
                 coefficients=self.arrays.coefficients,
@@ -228,29 +227,13 @@ class FlowField:
                 mask=self.arrays.mask,
                 origin=np.array(self.origin),
             )
-        scratch.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> FlowField:
         """Read what `save` wrote; InputError where the file is missing or is something else."""
-        try:
-            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                coefficients, mask = file["coefficients"], file["mask"]
-                numbers, origin = file["numbers"], str(file["origin"])
-        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
-            raise InputError(
-                str(path), "a flow saved by FlowField.save", f"{type(error).__name__}: {error}",
-                "Name a saved flow (.npz) or a solved OpenFOAM case folder.",
-            ) from error  # fmt: skip
-        fits = coefficients.shape == (mask.shape[0] + 3, mask.shape[1] + 3) and numbers.shape == (
-            8,
-        )
-        if not fits or not np.isfinite(coefficients).all():
-            raise InputError(
-                str(path), "finite coefficients (ny+3, nx+3) and a mask (ny, nx)",
-                f"shapes {coefficients.shape} and {mask.shape}, or values that are not finite",
-                "Make the file again with FlowField.save.",
-            )  # fmt: skip
-        x0, y0, gx, gy, x_low, x_high, y_low, y_high = numbers.tolist()
+        saved = read_saved(path)
+        x0, y0, gx, gy, x_low, x_high, y_low, y_high = saved.numbers
         limits = (x_low, x_high, y_low, y_high)
-        return cls(FlowArrays(coefficients, x0, y0, gx, gy, *limits, mask), origin)
+        return cls(
+            FlowArrays(saved.coefficients, x0, y0, gx, gy, *limits, saved.mask), saved.origin
+        )

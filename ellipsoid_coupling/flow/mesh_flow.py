@@ -97,7 +97,7 @@ def _stream(mesh: MeshFlow) -> tuple[_Grid, str]:
     """The stream function on the grid, its sign that of U, and in words where it comes from."""
     fitted = stream_function(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.patches)
     grid, best = _signed(mesh, _resample(mesh, fitted))
-    if best > LARGEST_MISMATCH:
+    if not best <= LARGEST_MISMATCH:
         raise InputError(
             mesh.where, "a velocity U without sources, resolved by the mesh",
             f"one whose best stream function is {100 * best:.0f} % off (rms)",

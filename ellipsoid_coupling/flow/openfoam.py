@@ -33,12 +33,19 @@ from ellipsoid_coupling.flow.programs import (
     require_openfoam,
     run_program,
 )
+from ellipsoid_coupling.flow.trust import BUILT_IN, INPUT_FOLDERS, LEFT_OUT, refuse_code
+from ellipsoid_coupling.inputs import is_folder, is_ordinary, read_bytes, read_text
 from ellipsoid_coupling.kernels import cache_home
+from ellipsoid_coupling.limits import (
+    BYTES_PER_FLUID_CELL,
+    MOST_CASE_FILE_BYTES,
+    MOST_SCENE_BYTES,
+    in_words,
+    memory_limit,
+)
 
 Report = Callable[[str, float], None]
 
-BUILT_IN = Path(__file__).parents[2] / "foam_cases"
-INPUT_FOLDERS = ("0.orig", "constant", "system")
 # What a solved case is recognised by: written last, holds the hash of the case's inputs.
 MARK = "case.foam"
 # Below this many cells a coarser run saves less than meshing it and mapping it costs.
@@ -55,7 +62,7 @@ def case_folder(case: str | Path) -> Path:
     known = sorted(folder.parent.name for folder in BUILT_IN.glob("*/system"))
     folder = BUILT_IN / case if str(case) in known else Path(case)
     for name in INPUT_FOLDERS:
-        if not (folder / name).is_dir():
+        if not is_folder(folder / name):
             raise InputError(
                 str(case), f"a built-in case ({', '.join(known)}) or a folder with 0.orig, "
                 "constant and system", f"no {name} in {folder}", "Correct the name or the path.",
@@ -66,7 +73,7 @@ def case_folder(case: str | Path) -> Path:
 def parameter(folder: Path, name: str) -> str:
     """One entry of a case's system/parameters; InputError where it is missing."""
     path = folder / "system" / "parameters"
-    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    text = read_text(path, "numbers of a case", MOST_SCENE_BYTES) if is_ordinary(path) else ""
     found = re.search(rf"(?m)^{name}\s+([^;]+);", text)
     if not found:
         raise InputError(
@@ -74,6 +81,21 @@ def parameter(folder: Path, name: str) -> str:
             "Lay the case out as foam_cases/cavity is.",
         )  # fmt: skip
     return found[1].strip()
+
+
+def _number(folder: Path, name: str, below: float) -> float:
+    """A number of system/parameters between 0 and `below`; InputError for any other entry."""
+    entry = parameter(folder, name)
+    try:
+        value = float(entry)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < below:
+        raise InputError(
+            f"{folder / 'system' / 'parameters'}, key {name}",
+            f"a number above 0 and below {below:g}", entry, "Change the entry.",
+        )  # fmt: skip
+    return value
 
 
 def _set_parameter(folder: Path, name: str, value: int) -> None:
@@ -88,8 +110,8 @@ def inputs_hash(folder: Path, cells: int) -> str:
     digest = hashlib.sha256(f"{cells} {openfoam_version()}".encode())
     for part in INPUT_FOLDERS:
         for path in sorted((folder / part).rglob("*")):
-            if path.is_file() and "polyMesh" not in path.parts:
-                content = path.read_bytes()
+            if path.is_file() and LEFT_OUT not in path.parts:
+                content = read_bytes(path, "a file of a case", MOST_CASE_FILE_BYTES)
                 if path.name == "parameters":
                     content = re.sub(rb"(?m)^(cells|processes)\s+[^;]+;", b"", content)
                 digest.update(str(path.relative_to(folder)).encode() + b"\0" + content)
@@ -105,7 +127,10 @@ def solved_folder(case: str | Path, cells: int) -> Path:
 def is_solved(folder: Path, key: str | None = None) -> bool:
     """Whether `solve_case` made this folder, to its end (and from the inputs with this hash)."""
     mark = folder / MARK
-    return mark.is_file() and key in (None, mark.read_text(encoding="utf-8").strip())
+    if not is_ordinary(mark):
+        return False
+    made_from = read_bytes(mark, "the mark of a solved case", MOST_SCENE_BYTES).strip()
+    return key is None or made_from == key.encode()
 
 
 def solve_case(
@@ -114,6 +139,8 @@ def solve_case(
     processes: int = 1,
     out: Path | None = None,
     report: Report | None = None,
+    *,
+    trust: bool = False,
 ) -> Path:
     """Run a case to rest, or find that it has been run; the folder of the solved case.
 
@@ -124,18 +151,19 @@ def solve_case(
     processes : for icoFoam; they do not change the solution beyond the solvers' tolerances
     out : where the solved case goes, instead of the cache; new, or this very case solved
     report : called with the stage, "flow CASE, N cells: what", and the fraction done, 0 to 1
+    trust : run it even if something in it can run code, see `flow.trust`
 
-    Raises InputError for what is no such case; RunError if OpenFOAM is missing, a program fails or
-    the flow has not come to rest at endTime. The failed run is kept beside the result's place.
+    Raises InputError for what is no such case, or can run code and is not trusted; RunError if
+    OpenFOAM is missing, a program fails or the flow has not come to rest at endTime. The failed run
+    is kept beside the result's place.
     """
-    require_openfoam()
     source = case_folder(case)
-    number = int(parameter(source, "cells")) if cells is None else cells
-    if number < 4 or processes < 1:
-        raise InputError(
-            str(case), "at least 4 cells and 1 process", f"{number} cells, {processes} processes",
-            "Give larger numbers.",
-        )  # fmt: skip
+    number = int(_number(source, "cells", 1e9)) if cells is None else cells
+    _check_size(str(case), number, processes)
+    _number(source, "atRest", 1.0)
+    if not trust:
+        refuse_code(source)
+    require_openfoam()
     target = solved_folder(source, number) if out is None else out
     if is_solved(target, inputs_hash(source, number)):
         return target
@@ -148,7 +176,9 @@ def solve_case(
     coarse, share = None, 0.0
     if number >= MAPPED_FROM:
         share = COARSE_SHARE
-        coarse = solve_case(source, number // 2, report=lambda s, f: tell(s, share * f))
+        coarse = solve_case(
+            source, number // 2, report=lambda s, f: tell(s, share * f), trust=trust
+        )
     stage = f"flow {source.name}, {number} cells"
     _solve_into(
         target, source, number, processes, coarse,
@@ -156,6 +186,22 @@ def solve_case(
     )  # fmt: skip
     tell(f"{stage}: at rest", 1.0)
     return target
+
+
+def _check_size(case: str, cells: int, processes: int) -> None:
+    """InputError for a mesh or a number of processes that this machine cannot hold."""
+    cores = os.cpu_count() or 1
+    if cells < 4 or not 1 <= processes <= cores:
+        raise InputError(
+            case, f"at least 4 cells and 1 to {cores} processes, the cores of this machine",
+            f"{cells} cells, {processes} processes", "Change the numbers.",
+        )  # fmt: skip
+    needed, limit = float(cells) ** 2 * BYTES_PER_FLUID_CELL, memory_limit()
+    if needed > limit:
+        raise InputError(
+            case, f"a mesh that fits into the {in_words(limit)} of this machine",
+            f"{cells} cells a side, which take about {in_words(needed)}", "Take fewer cells.",
+        )  # fmt: skip
 
 
 def _silent(stage: str, fraction: float) -> None:
@@ -190,7 +236,7 @@ def _prepare(source: Path, scratch: Path, cells: int, processes: int) -> None:
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir(parents=True)
     for part in INPUT_FOLDERS:
-        shutil.copytree(source / part, scratch / part, ignore=shutil.ignore_patterns("polyMesh"))
+        shutil.copytree(source / part, scratch / part, ignore=shutil.ignore_patterns(LEFT_OUT))
     shutil.copytree(scratch / "0.orig", scratch / "0")
     _set_parameter(scratch, "cells", cells)
     _set_parameter(scratch, "processes", processes)
@@ -206,7 +252,7 @@ def _run_programs(case: Path, coarse: Path | None, processes: int, tell: Report)
     if processes > 1:
         run_program(case, ["decomposePar"])
         command = ["mpirun", "-np", str(processes), "icoFoam", "-parallel"]
-    follow = _follow_residual(float(parameter(case, "atRest")), tell)
+    follow = _follow_residual(_number(case, "atRest", 1.0), tell)
     log = run_program(case, command, follow)
     if AT_REST not in log.read_text(encoding="utf-8"):
         end = parameter(case, "endTime")

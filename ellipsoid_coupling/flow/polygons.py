@@ -45,6 +45,10 @@ class Polygons(NamedTuple):
         """(T, 3), each polygon as a fan from its first corner."""
         return self.corner[self._fan()]
 
+    def triangle_owners(self) -> Index:
+        """(T,), the cell of each of `triangles`."""
+        return self.owner[self._fan()[:, 0]]
+
     def centroids(self, points: Array) -> Array:
         """(C, 2), where OpenFOAM has the cells' values; points (P, 2)."""
         fan = self._fan()

@@ -6,26 +6,33 @@ takes longer than computing a small scene.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import QhullError
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.foam_case import read_solution, write_plain
+from ellipsoid_coupling.flow.foam_files import packed
 from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
-from ellipsoid_coupling.flow.polygons import Index, polygons
+from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
+from ellipsoid_coupling.flow.vtk_files import check_internal, read_patch
+from ellipsoid_coupling.inputs import exists, is_folder
+from ellipsoid_coupling.limits import MOST_TIMES
 
 Array = NDArray[np.float64]
 
 # 0, 0.5, 12, 1e-05, but not 0.orig
 TIME = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")
-
-NOT_FINITE = re.compile(rb"[\s(][-+]?(nan|inf)", re.IGNORECASE)
 
 
 class _Cells(NamedTuple):
@@ -62,7 +69,7 @@ def read_case(folder: Path) -> FlowField:
     _require_case(case)
     time = _last_time(case)
     origin = f"OpenFOAM case {case.resolve().name}, time {time}"
-    return flow_field(_plane(_read_foam(case, time), str(case), origin))
+    return _field(_read_foam(case, time), str(case), origin)
 
 
 def read_vtk(folder: Path) -> FlowField:
@@ -72,7 +79,21 @@ def read_vtk(folder: Path) -> FlowField:
     """
     step = _vtk_step(folder)
     origin = f"foamToVTK folder {step.resolve().name}"
-    return flow_field(_plane(_read_vtu(step), str(step), origin))
+    return _field(_read_vtu(step), str(step), origin)
+
+
+def _field(raw: _Raw, where: str, origin: str) -> FlowField:
+    """The field; InputError where the mesh's shape does not let one be made."""
+    try:
+        with np.errstate(all="ignore"):
+            field = flow_field(_plane(raw, where, origin))
+    except (ValueError, np.linalg.LinAlgError, QhullError) as error:
+        found = f"one on which that fails ({error})"
+        raise InputError(where, "a mesh to interpolate U on", found, "Mesh it again.") from None
+    if not np.isfinite(field.arrays.coefficients).all():
+        found = "one on which it is not finite"
+        raise InputError(where, "a mesh to interpolate U on", found, "Mesh it again.")
+    return field
 
 
 def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
@@ -80,10 +101,10 @@ def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
 
 
 def _require_case(case: Path) -> None:
-    if not case.is_dir():
-        raise _error(case, "a solved OpenFOAM case folder", "no such folder", "Correct the path.")
+    if not is_folder(case):
+        raise _error(case, "a solved OpenFOAM case folder", "no such folder", "Check the path.")
     for part in ("system/controlDict", "constant/polyMesh/faces"):
-        if not (case / part).exists() and not (case / f"{part}.gz").exists():
+        if packed(case / part) is None:
             raise _error(
                 case, "an OpenFOAM case folder", f"no {part} in it",
                 "Name the folder that holds constant, system and the times; mesh and solve it.",
@@ -92,35 +113,45 @@ def _require_case(case: Path) -> None:
 
 def _last_time(case: Path) -> str:
     """The name of the last time folder; time 0, where nothing has been solved, is refused."""
-    folders = (path.name for path in case.iterdir() if path.is_dir())
-    times = sorted((name for name in folders if TIME.fullmatch(name)), key=float)
+    folders = (path.name for path in islice(case.iterdir(), MOST_TIMES) if path.is_dir())
+    times = sorted((name for name in folders if _is_time(name)), key=float)
     if not times or float(times[-1]) == 0.0:
         raise _error(
             case, "a solved case", "no time beyond 0",
             "Run the solver; after a parallel run, reconstructPar -latestTime.",
         )  # fmt: skip
-    for part in ("U", "U.gz"):
-        if (case / times[-1] / part).exists():
-            return times[-1]
-    raise _error(case, f"a velocity field U at time {times[-1]}", "none", "Let the solver write U.")
+    last = case / times[-1]
+    if packed(last / "U") is None:
+        expected = f"a velocity field U at time {times[-1]}"
+        raise _error(case, expected, "none", "Let the solver write U.")
+    if exists(last / "polyMesh"):
+        raise _error(
+            last, "a mesh that stays, in constant/polyMesh", "another one at this time",
+            "Solve the flow on a fixed mesh.",
+        )  # fmt: skip
+    return times[-1]
+
+
+def _is_time(name: str) -> bool:
+    return len(name) < 50 and bool(TIME.fullmatch(name)) and math.isfinite(float(name))
 
 
 def _read_foam(case: Path, time: str) -> _Raw:
-    """The last time of a case, which is `time`, by pyvista."""
+    """The time `time` of a case, checked, by pyvista from a copy that holds nothing else."""
     import pyvista
 
-    with pyvista.vtk_verbosity("off"):
-        reader = pyvista.OpenFOAMReader(case / "system" / "controlDict")
-        # The reader starts at time 0, where U is 0.
+    solution = read_solution(case, time)
+    with TemporaryDirectory(prefix="ellipsoid-") as scratch, pyvista.vtk_verbosity("off"):
+        plain = Path(scratch)
+        write_plain(solution, plain)
+        reader = pyvista.OpenFOAMReader(plain / "system" / "controlDict")
         reader.set_active_time_value(reader.time_values[-1])
         reader.cell_to_point_creation = False
         reader.enable_all_patch_arrays()
         blocks: Any = reader.read()
     mesh: Any = blocks["internalMesh"]
-    if mesh is None or mesh.n_cells == 0:
-        raise _error(case, "a mesh that VTK reads", "none", "Check constant/polyMesh.")
-    if "U" not in mesh.cell_data:
-        raise _unread(case, case / time / "U")
+    if mesh is None or "U" not in mesh.cell_data or mesh.n_cells != solution.mesh.cells:
+        raise _error(case, "a mesh that VTK reads", "another one", "Check constant/polyMesh.")
     boundary = blocks["boundary"]
     named = ((str(boundary.get_block_name(k)), boundary[k]) for k in range(boundary.n_blocks))
     patches = {name: _faces(patch) for name, patch in named if "U" in patch.cell_data}
@@ -129,17 +160,10 @@ def _read_foam(case: Path, time: str) -> _Raw:
         np.asarray(pyvista.convert_array(table.GetConnectivityArray())),
         np.asarray(pyvista.convert_array(table.GetOffsetsArray())),
     )
-    psi, velocity = mesh.point_data.get("streamFunction"), np.asarray(mesh.cell_data["U"])
-    stream = None if psi is None else np.asarray(psi)
-    return _Raw(np.asarray(mesh.points), cells, stream, velocity, patches)
-
-
-def _unread(case: Path, path: Path) -> InputError:
-    """Why VTK gave no such field: it refuses a whole field for one NaN in it."""
-    text = path.read_bytes() if path.is_file() else b""
-    found = "NaN or infinite values" if NOT_FINITE.search(text) else "none that VTK reads"
-    remedy = "Solve the case again, and let the solver write this field."
-    return _error(case, f"a finite field {path.name} at time {path.parent.name}", found, remedy)
+    # One that is not finite is not handed to VTK.
+    stream = mesh.point_data.get("streamFunction", solution.psi)
+    psi = None if stream is None else np.asarray(stream)
+    return _Raw(np.asarray(mesh.points), cells, psi, np.asarray(mesh.cell_data["U"]), patches)
 
 
 def _faces(patch: Any) -> tuple[Array, Array]:
@@ -153,8 +177,9 @@ def _vtk_step(folder: Path) -> Path:
         return folder
     for parent in (folder, folder / "VTK"):
         steps = [path.parent for path in parent.glob("*_*/internal.vtu")]
-        if steps:
-            return max(steps, key=lambda step: int(step.name.rpartition("_")[2]))
+        numbered = [step for step in steps if re.search(r"_\d{1,18}$", step.name)]
+        if numbered:
+            return max(numbered, key=lambda step: int(step.name.rpartition("_")[2]))
     raise _error(
         folder, "what foamToVTK wrote (internal.vtu in it or below it)", "none",
         "Run 'foamToVTK -latestTime' in the solved case and name its VTK folder.",
@@ -162,11 +187,12 @@ def _vtk_step(folder: Path) -> Path:
 
 
 def _read_vtu(step: Path) -> _Raw:
-    """internal.vtu by meshio; the patches beside it are .vtp, which only pyvista reads."""
+    """internal.vtu by meshio; the patches beside it are .vtp files of polygons."""
     import meshio
     import pyvista
 
     path = step / "internal.vtu"
+    check_internal(path)
     try:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio ends the program on some unreadable files
@@ -181,9 +207,13 @@ def _read_vtu(step: Path) -> _Raw:
     cells = _Cells(connectivity, np.concatenate(([0], np.cumsum(sizes))))
     patches: dict[str, tuple[Array, Array]] = {}
     for file in sorted((step / "boundary").glob("*.vtp")):
-        patch: Any = pyvista.read(file)
-        if "U" in patch.cell_data:
-            patches[file.stem] = _faces(patch)
+        patch = read_patch(file)
+        if patch.velocity is not None:
+            # Decoded and checked there: VTK ends the program on broken files.
+            first = np.cumsum(patch.sizes) - patch.sizes
+            faces = np.insert(patch.corners, first, patch.sizes)
+            polygon = pyvista.PolyData(patch.points, faces)
+            patches[file.stem] = np.asarray(polygon.cell_centers().points), patch.velocity
     velocity = np.concatenate(mesh.cell_data["U"])
     return _Raw(mesh.points, cells, mesh.point_data.get("streamFunction"), velocity, patches)
 
@@ -203,6 +233,7 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
     corner = (np.cumsum(low) - 1)[raw.cells.points[kept]]
     flat = points[low][:, plane]
     cells = polygons(flat, corner, owner[kept], count)
+    _require_areas(flat, cells, where)
     patches = {}
     for name, (at, velocity) in raw.patches.items():
         # Faces of the empty patch lie on the planes in front and behind, not between them.
@@ -223,6 +254,24 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
         where=where,
         origin=origin,
     )
+
+
+def _require_areas(points: Array, cells: Polygons, where: str) -> None:
+    """InputError unless every cell, seen along the mesh's thickness, has an area and no edge is 0."""
+    ends = points[cells.edges().points]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    a, b, c = np.moveaxis(points[cells.triangles()], 1, 0)
+    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    area = np.bincount(cells.triangle_owners(), twice, cells.sizes.size)
+    # Smaller ones are 0 but for the rounding of single precision.
+    least = 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0))
+    flawed = np.count_nonzero(~(area > least**2))
+    if flawed or not length.size or not length.min() > least:
+        raise InputError(
+            where, "cells with an area and edges with a length",
+            f"{flawed} cells without, the shortest edge {length.min(initial=np.inf):g} long",
+            "Mesh the case again.",
+        )  # fmt: skip
 
 
 def _decimal(points: Array) -> Array:

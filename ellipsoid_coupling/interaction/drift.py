@@ -52,15 +52,12 @@ class Drift(NamedTuple):
 
 
 @kernel
-def _axes(place: Floats) -> Floats:
+def set_axes(place: Floats, axis: Floats) -> None:
     """Cos and sin of 2 theta (2, N); where nothing turns only circles interact: any axis does."""
-    n = place.shape[1]
-    axis = np.empty((2, n))
-    for i in range(n):
+    for i in range(place.shape[1]):
         double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0
         axis[0, i] = math.cos(double)
         axis[1, i] = math.sin(double)
-    return axis
 
 
 @kernel
@@ -126,6 +123,15 @@ def _add_outer_torque(amplitude: float | None, place: Floats, force: Floats) -> 
 
 
 @kernel
+def own_forces(drift: Drift, place: Floats, axis: Floats, force: Floats) -> int:
+    """`particle_forces` without the pairs; axis (2, N) is that of `set_axes`."""
+    outside = _set_fluid_forces(drift.flow, drift, place, axis, force)
+    _add_outer_force(drift.stiffness, place, force)
+    _add_outer_torque(drift.amplitude, place, force)
+    return outside
+
+
+@kernel
 def particle_forces(drift: Drift, place: Floats, force: Floats) -> int:
     """Set the drift of all particles of one realisation.
 
@@ -142,9 +148,8 @@ def particle_forces(drift: Drift, place: Floats, force: Floats) -> int:
     int
         How many particles lie outside the flow.
     """
-    axis = _axes(place)
-    outside = _set_fluid_forces(drift.flow, drift, place, axis, force)
+    axis = np.empty((2, place.shape[1]))
+    set_axes(place, axis)
+    outside = own_forces(drift, place, axis, force)
     _add_pairs(drift.pairs, place, axis, force)
-    _add_outer_force(drift.stiffness, place, force)
-    _add_outer_torque(drift.amplitude, place, force)
     return outside

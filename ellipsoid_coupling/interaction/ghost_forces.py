@@ -7,13 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.interaction.pairs import (
-    Pairs,
-    Sources,
-    cell_index,
-    gather,
-    sum_over_sources,
-)
+from ellipsoid_coupling.interaction.cells import RECORD, Sources, cell_index, gather
+from ellipsoid_coupling.interaction.pairs import Pairs, sum_over_sources
 from ellipsoid_coupling.kernels import kernel
 
 Floats = NDArray[np.float64]
@@ -41,7 +36,7 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
         Per mass and per inertia.
     """
     grid = pairs.grid
-    buffer = np.empty((4, ghosts.x.size))
+    buffer = np.empty((RECORD, ghosts.records.shape[0]))
     gathered, count = -1, 0
     force_weight = pairs.force_weight * pairs.ghost_factor
     for i in range(place.shape[1]):

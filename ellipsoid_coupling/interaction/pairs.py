@@ -1,23 +1,18 @@
-"""The pair sum over particles with a cell list: every particle feels every source within reach.
+"""The pair sum over particles with a cell list: every pair within reach is computed once.
 
-The plane is cut into square cells of half the reach; particles are sorted by cell, so that the five
-cells of a row that can hold neighbours are one contiguous run:
+A cell's particles meet each other and those of the cells after it in the sorted order, which are
+three contiguous runs; the cells before it have already met it:
 
         +---+---+---+---+---+
-        |   |   |   |   |   |     for all targets t of one cell the sources of these 25 cells are
-        +---+---+---+---+---+     copied to one buffer; the sum over it is a straight loop over
-        |   |   |   |   |   |     contiguous arrays, which vectorises
-        +---+---+---+---+---+
-        |   |   | t |   |   |
-        +---+---+---+---+---+
-        |   |   |   |   |   |
-        +---+---+---+---+---+
-        |   |   |   |   |   |
+        | 2 | 2 | 2 | 2 | 2 |     for all targets t of one cell the runs 0, 1, 2 are copied to one
+        +---+---+---+---+---+     buffer, t first, and a second buffer collects what they feel;
+        | 1 | 1 | 1 | 1 | 1 |     target k then meets all that stands behind it: a straight loop
+        +---+---+---+---+---+     over contiguous arrays, which vectorises
+        |   |   | t | 0 | 0 |
         +---+---+---+---+---+
 
-Each ordered pair is computed on its own: no scatter, hence a fixed order of summation. A source
-that coincides with its target adds nothing (force and torque vanish at delta = 0, Delta = 0), so a
-particle needs no exclusion of itself.
+What a block of rows adds to the two rows above it is kept apart (`RowSums.above`), so that blocks can
+run side by side; the order of summation follows from the cells and the blocks alone.
 """
 
 from __future__ import annotations
@@ -27,37 +22,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.interaction.cells import (
+    C2,
+    CELLS_PER_REACH,
+    RECORD,
+    S2,
+    CellGrid,
+    Sources,
+    X,
+    Y,
+    copy_run,
+    gather,
+    sort_by_cell,
+)
 from ellipsoid_coupling.kernels import kernel
-from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
+from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, pair_terms
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-# A cell of reach/2 needs two cells to each side.
-CELLS_PER_REACH = 2
-
-
-class CellGrid(NamedTuple):
-    """The cells of the neighbour search; positions beyond the rim count to the rim's cells."""
-
-    x_low: float
-    y_low: float
-    inverse_size: float
-    columns: int
-    rows: int
-
-
-class Sources(NamedTuple):
-    """Particles sorted by cell: the ones of cell c are ``first[c] : first[c + 1]``.
-
-    x, y, c2, s2 : (n,) float64, positions and cos, sin of 2 theta; first : (cells + 1,) int64.
-    """
-
-    x: Floats
-    y: Floats
-    c2: Floats
-    s2: Floats
-    first: Integers
 
 
 class Pairs(NamedTuple):
@@ -74,59 +56,16 @@ class Pairs(NamedTuple):
     ghost_factor: float
 
 
-def cell_grid(x_range: tuple[float, float], y_range: tuple[float, float], reach: float) -> CellGrid:
-    """The cells of size reach/2 that cover a rectangle."""
-    size = reach / CELLS_PER_REACH
-    columns = max(1, int(np.ceil((x_range[1] - x_range[0]) / size)))
-    rows = max(1, int(np.ceil((y_range[1] - y_range[0]) / size)))
-    return CellGrid(x_range[0], y_range[0], 1.0 / size, columns, rows)
+class RowSums(NamedTuple):
+    """Sums of dU/dx, dU/dy, dU/dtheta (over eps0) in the order of the sorted particles.
 
+    own : (n, 4) float64, of all particles, the last column unused; a block writes its own rows'.
+    above : (m, 4), of the m particles from `end` on, in the two rows above a block.
+    """
 
-@kernel
-def cell_index(x: float, y: float, grid: CellGrid) -> int:
-    """The cell of a position; clamping keeps neighbours neighbours, since it never stretches."""
-    column = min(max((x - grid.x_low) * grid.inverse_size, 0.0), grid.columns - 1.0)
-    row = min(max((y - grid.y_low) * grid.inverse_size, 0.0), grid.rows - 1.0)
-    return int(row) * grid.columns + int(column)
-
-
-@kernel
-def sort_by_cell(
-    x: Floats, y: Floats, c2: Floats, s2: Floats, grid: CellGrid
-) -> tuple[Sources, Integers]:
-    """Counting sort by cell, stable; returns the sorted particles and where each came from (n,)."""
-    n = x.size
-    cells = np.empty(n, np.int64)
-    first = np.zeros(grid.columns * grid.rows + 1, np.int64)
-    for i in range(n):
-        cells[i] = cell_index(x[i], y[i], grid)
-        first[cells[i] + 1] += 1
-    for c in range(grid.columns * grid.rows):
-        first[c + 1] += first[c]
-    place = first[:-1].copy()
-    came_from = np.empty(n, np.int64)
-    for i in range(n):
-        came_from[place[cells[i]]] = i
-        place[cells[i]] += 1
-    return Sources(x[came_from], y[came_from], c2[came_from], s2[came_from], first), came_from
-
-
-@kernel
-def gather(sources: Sources, column: int, row: int, grid: CellGrid, buffer: Floats) -> int:
-    """Copy all sources that can reach a cell to buffer (4, n); returns how many."""
-    low = max(column - CELLS_PER_REACH, 0)
-    high = min(column + CELLS_PER_REACH, grid.columns - 1)
-    count = 0
-    for r in range(max(row - CELLS_PER_REACH, 0), min(row + CELLS_PER_REACH, grid.rows - 1) + 1):
-        begin = sources.first[r * grid.columns + low]
-        end = sources.first[r * grid.columns + high + 1]
-        for j in range(begin, end):
-            buffer[0, count + j - begin] = sources.x[j]
-            buffer[1, count + j - begin] = sources.y[j]
-            buffer[2, count + j - begin] = sources.c2[j]
-            buffer[3, count + j - begin] = sources.s2[j]
-        count += end - begin
-    return count
+    own: Floats
+    above: Floats
+    end: int
 
 
 @kernel
@@ -140,7 +79,7 @@ def sum_over_sources(
     sum_theta = 0.0
     for j in range(count):
         _, gradient_x, gradient_y, slope = pair_potential(
-            buffer[0, j] - x, buffer[1, j] - y, c2, s2, buffer[2, j], buffer[3, j], shape
+            buffer[X, j] - x, buffer[Y, j] - y, c2, s2, buffer[C2, j], buffer[S2, j], shape
         )
         sum_x += gradient_x
         sum_y += gradient_y
@@ -149,37 +88,180 @@ def sum_over_sources(
 
 
 @kernel
-def _sum_over_ghosts(
+def _meet(
     target: tuple[float, float, float, float],
-    buffer: Floats | None,
-    count: int,
+    others: tuple[Floats, Floats, Floats, Floats],
+    felt: tuple[Floats, Floats, Floats],
     shape: PotentialShape,
 ) -> tuple[float, float, float]:
-    if buffer is None:
-        return 0.0, 0.0, 0.0
-    return sum_over_sources(target, buffer, count, shape)
+    """The sums of one target over the others (n,) each; adds what they feel in turn."""
+    x, y, c2, s2 = target
+    other_x, other_y, other_c2, other_s2 = others
+    felt_x, felt_y, felt_theta = felt
+    sum_x = 0.0
+    sum_y = 0.0
+    sum_theta = 0.0
+    for j in range(other_x.size):
+        _, gradient_x, gradient_y, slope, slope_bar = pair_terms(
+            other_x[j] - x, other_y[j] - y, c2, s2, other_c2[j], other_s2[j], shape
+        )
+        sum_x += gradient_x
+        sum_y += gradient_y
+        sum_theta += slope
+        felt_x[j] -= gradient_x
+        felt_y[j] -= gradient_y
+        felt_theta[j] += slope_bar
+    return sum_x, sum_y, sum_theta
 
 
 @kernel
-def _gather_ghosts(
-    ghosts: Sources | None, column: int, row: int, grid: CellGrid, buffer: Floats | None
-) -> int:
-    if ghosts is None or buffer is None:
-        return 0
-    return gather(ghosts, column, row, grid, buffer)
+def _meet_the_rest(t: int, count: int, buffer: Floats, felt: Floats, shape: PotentialShape) -> None:
+    """Pairs of the buffer's particle t with those behind it, up to `count`."""
+    rest = t + 1
+    sum_x, sum_y, sum_theta = _meet(
+        (buffer[X, t], buffer[Y, t], buffer[C2, t], buffer[S2, t]),
+        (
+            buffer[X, rest:count],
+            buffer[Y, rest:count],
+            buffer[C2, rest:count],
+            buffer[S2, rest:count],
+        ),
+        (felt[0, rest:count], felt[1, rest:count], felt[2, rest:count]),
+        shape,
+    )
+    felt[0, t] += sum_x
+    felt[1, t] += sum_y
+    felt[2, t] += sum_theta
+
+
+@kernel
+def _runs(cell: int, row: int, sources: Sources, grid: CellGrid, runs: Integers) -> tuple[int, int]:
+    """The runs of a cell's picture above: begin and end (3, 2); how many, and their particles."""
+    column = cell - row * grid.columns
+    low = max(column - CELLS_PER_REACH, 0)
+    high = min(column + CELLS_PER_REACH, grid.columns - 1)
+    last = min(row + CELLS_PER_REACH, grid.rows - 1)
+    total = 0
+    for r in range(row, last + 1):
+        start = cell if r == row else r * grid.columns + low
+        runs[r - row, 0] = sources.first[start]
+        runs[r - row, 1] = sources.first[r * grid.columns + high + 1]
+        total += runs[r - row, 1] - runs[r - row, 0]
+    return last + 1 - row, total
+
+
+@kernel
+def _add_felt(felt: Floats, begin: int, end: int, count: int, out: Floats, start: int) -> int:
+    """Add felt (3, n) from `count` on to the particles begin .. end - 1 of out, which is from `start`."""
+    for j in range(begin, end):
+        for k in range(3):
+            out[j - start, k] += felt[k, count + j - begin]
+    return count + end - begin
+
+
+@kernel
+def _add_cell(
+    cell: int,
+    row: int,
+    sources: Sources,
+    pairs: Pairs,
+    work: tuple[Floats, Floats, Integers],
+    sums: RowSums,
+) -> None:
+    """All pairs of a cell's particles with each other and those behind them."""
+    buffer, felt, runs = work
+    here, _ = _runs(cell, row, sources, pairs.grid, runs)
+    count = 0
+    for r in range(here):
+        count = copy_run(sources.records, runs[r, 0], runs[r, 1], buffer, count)
+    for k in range(3):
+        for j in range(count):
+            felt[k, j] = 0.0
+    for t in range(sources.first[cell + 1] - sources.first[cell]):
+        _meet_the_rest(t, count, buffer, felt, pairs.shape)
+    count = 0
+    for r in range(here):
+        begin, end = runs[r]
+        if begin < sums.end:
+            count = _add_felt(felt, begin, end, count, sums.own, 0)
+        else:
+            count = _add_felt(felt, begin, end, count, sums.above, sums.end)
+
+
+@kernel
+def _add_ghosts(
+    ghosts: Sources | None,
+    cell: int,
+    row: int,
+    sources: Sources,
+    pairs: Pairs,
+    buffer: Floats | None,
+    sums: RowSums,
+) -> None:
+    """What the walls' ghosts do to a cell's particles."""
+    if ghosts is not None and buffer is not None:
+        count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, buffer)
+        for t in range(sources.first[cell], sources.first[cell + 1] if count > 0 else 0):
+            x, y, c2, s2 = sources.records[t]
+            found = sum_over_sources((x, y, c2, s2), buffer, count, pairs.shape)
+            for k in range(3):
+                sums.own[t, k] += pairs.ghost_factor * found[k]
 
 
 @kernel
 def _ghost_buffer(ghosts: Sources | None) -> Floats | None:
     if ghosts is None:
         return None
-    return np.empty((4, ghosts.x.size))
+    return np.empty((RECORD, ghosts.records.shape[0]))
 
 
 @kernel
-def _add_torque(force: Floats, i: int, slope: float, weight: float | None) -> None:
+def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats) -> RowSums:
+    """The sums over all pairs whose first particle lies in rows[0] .. rows[1] - 1, and over ghosts.
+
+    Parameters
+    ----------
+    rows : (int, int)
+        At least two rows of cells, or the last one.
+    sources : Sources
+    pairs : Pairs
+    own : (n, 4) float64
+        The rows' part is overwritten.
+    """
+    grid, first = pairs.grid, sources.first
+    start, end = first[rows[0] * grid.columns], first[rows[1] * grid.columns]
+    top = first[min(rows[1] + CELLS_PER_REACH, grid.rows) * grid.columns]
+    sums = RowSums(own, np.zeros((top - end, RECORD)), end)
+    own[start:end] = 0.0
+    runs = np.empty((CELLS_PER_REACH + 1, 2), np.int64)
+    most = 0
+    for row in range(rows[0], rows[1]):
+        for cell in range(row * grid.columns, (row + 1) * grid.columns):
+            most = max(most, _runs(cell, row, sources, grid, runs)[1])
+    work = np.empty((RECORD, most)), np.empty((3, most)), runs
+    ghost_buffer = _ghost_buffer(pairs.ghosts)
+    for row in range(rows[0], rows[1]):
+        for cell in range(row * grid.columns, (row + 1) * grid.columns):
+            if first[cell] < first[cell + 1]:
+                _add_cell(cell, row, sources, pairs, work, sums)
+                _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_buffer, sums)
+    return sums
+
+
+@kernel
+def _add_torques(own: Floats, rank: Integers, weight: float | None, force: Floats) -> None:
     if weight is not None:
-        force[2, i] -= weight * slope
+        for i in range(rank.size):
+            force[2, i] -= weight * own[rank[i], 2]
+
+
+@kernel
+def add_sums(own: Floats, rank: Integers, pairs: Pairs, force: Floats) -> None:
+    """Add -grad U and -dU/dtheta from the sorted sums (n, 4) to the drift (D, N) of the particles."""
+    for i in range(rank.size):
+        force[0, i] -= pairs.force_weight * own[rank[i], 0]
+        force[1, i] -= pairs.force_weight * own[rank[i], 1]
+    _add_torques(own, rank, pairs.torque_weight, force)
 
 
 @kernel
@@ -196,23 +278,7 @@ def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) ->
     force : (D, N)
         Per mass and per inertia; added to in place.
     """
-    grid, shape = pairs.grid, pairs.shape
-    own, came_from = sort_by_cell(place[0], place[1], axis[0], axis[1], grid)
-    buffer = np.empty((4, own.x.size))
-    ghost_buffer = _ghost_buffer(pairs.ghosts)
-    for row in range(grid.rows):
-        for column in range(grid.columns):
-            cell = row * grid.columns + column
-            if own.first[cell] == own.first[cell + 1]:
-                continue
-            count = gather(own, column, row, grid, buffer)
-            ghosts = _gather_ghosts(pairs.ghosts, column, row, grid, ghost_buffer)
-            for t in range(own.first[cell], own.first[cell + 1]):
-                target = (own.x[t], own.y[t], own.c2[t], own.s2[t])
-                gx, gy, slope = sum_over_sources(target, buffer, count, shape)
-                wx, wy, wall_slope = _sum_over_ghosts(target, ghost_buffer, ghosts, shape)
-                i = came_from[t]
-                force[0, i] -= pairs.force_weight * (gx + pairs.ghost_factor * wx)
-                force[1, i] -= pairs.force_weight * (gy + pairs.ghost_factor * wy)
-                total = slope + pairs.ghost_factor * wall_slope
-                _add_torque(force, i, total, pairs.torque_weight)
+    sources, rank = sort_by_cell(place[0], place[1], axis[0], axis[1], pairs.grid)
+    own = np.empty((rank.size, RECORD))
+    sum_rows((0, pairs.grid.rows), sources, pairs, own)
+    add_sums(own, rank, pairs, force)

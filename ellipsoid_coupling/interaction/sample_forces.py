@@ -179,8 +179,11 @@ def _undo_splines(spectra: Spectra) -> Spectra:
 
 
 def _crop(sources: Array) -> tuple[int, int, Array]:
-    """First row, first column and the part of the nodes that holds anything; s_0 is the density."""
+    """First row, first column and the part of the nodes that any sample's stencil touches.
+
+    s_0 is the density. The last weight of a sample that lies on a node is 0, hence one node more.
+    """
     rows = np.flatnonzero(sources[0].any(axis=1))
     columns = np.flatnonzero(sources[0].any(axis=0))
-    part = sources[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    part = sources[:, rows[0] : rows[-1] + 2, columns[0] : columns[-1] + 2]
     return int(rows[0]), int(columns[0]), part

@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.pairs import (
+from ellipsoid_coupling.interaction.cells import (
+    C2,
+    S2,
     CellGrid,
     Sources,
+    X,
+    Y,
     cell_grid,
     gather,
     sort_by_cell,
-    sum_over_sources,
 )
-from ellipsoid_coupling.interaction.spectra import Indices
+from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.interaction.pairs import sum_over_sources
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
 
@@ -66,9 +69,10 @@ class SamplePairs:
         x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
         double = 2.0 * angle[0] if angle else np.zeros_like(x)
         grid = self._grid
-        own, came_from = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
+        own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
         sums = np.zeros((3, x.size))
-        for_each(grid.rows, lambda row: _sum_row(row, (own, came_from), grid, self._shape, sums))
+        for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
+        sums = sums[:, rank]
         scale = -self._strength / x.size
         for d in range(degrees):
             weight = scale * (weights[1] if d == 2 else weights[0])
@@ -78,23 +82,22 @@ class SamplePairs:
 @kernel
 def _sum_row(
     row: int,
-    samples: tuple[Sources, Indices],
+    own: Sources,
     grid: CellGrid,
     shape: PotentialShape,
     sums: Array,
 ) -> None:
     """Gradients of U/eps0, summed over all sources, of the samples in one row of cells: (3, S)."""
-    own, came_from = samples
     begin = row * grid.columns
     if own.first[begin] == own.first[begin + grid.columns]:
         return
-    buffer = np.empty((4, own.x.size))
+    buffer = np.empty((4, own.records.shape[0]))
     for column in range(grid.columns):
         cell = begin + column
         if own.first[cell] == own.first[cell + 1]:
             continue
         count = gather(own, column, row, grid, buffer)
         for t in range(own.first[cell], own.first[cell + 1]):
-            target = (own.x[t], own.y[t], own.c2[t], own.s2[t])
-            i = came_from[t]
-            sums[0, i], sums[1, i], sums[2, i] = sum_over_sources(target, buffer, count, shape)
+            here = own.records[t]
+            target = (here[X], here[Y], here[C2], here[S2])
+            sums[0, t], sums[1, t], sums[2, t] = sum_over_sources(target, buffer, count, shape)

@@ -198,24 +198,31 @@ def _interpolate_some(
 ) -> None:
     size = place.shape[2]
     components, functions = fields.shape[2:]
-    basis, sums = np.empty(functions), np.empty((components, functions))
+    together = components * functions
+    lines = fields.reshape(fields.shape[0], fields.shape[1] * together)
+    basis, sums = np.empty(functions), np.empty(together)
     for i in order:
         k, j = i // size, i % size
         row, column, weights_y, weights_x = _stencil(place, k, j, nodes)
         _set_basis(place, k, j, basis)
         sums[:] = 0.0
+        here = slice(column * together, (column + STENCIL) * together)
         for a in range(STENCIL):
-            for b in range(STENCIL):
-                _add_node(sums, weights_y[a] * weights_x[b], fields[row + a, column + b])
+            _add_four_nodes(sums, weights_y[a], weights_x, lines[row + a, here])
         for c in range(min(components, force.shape[1])):
             total = 0.0
             for p in range(functions):
-                total += sums[c, p] * basis[p]
+                total += sums[c * functions + p] * basis[p]
             force[k, c, j] += total * (weights[1] if c == 2 else weights[0])
 
 
 @kernel
-def _add_node(sums: Array, weight: float, node: Real) -> None:
-    for c in range(sums.shape[0]):
-        for p in range(sums.shape[1]):
-            sums[c, p] += weight * node[c, p]
+def _add_four_nodes(
+    sums: Array, weight: float, weights_x: tuple[float, float, float, float], line: Real
+) -> None:
+    """Add four neighbouring nodes, which follow one another in `line`: sums is read once for all."""
+    a, b, c, d = weights_x
+    a, b, c, d = weight * a, weight * b, weight * c, weight * d
+    n = sums.size
+    for p in range(n):
+        sums[p] += a * line[p] + b * line[n + p] + c * line[2 * n + p] + d * line[3 * n + p]

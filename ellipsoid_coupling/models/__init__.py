@@ -6,11 +6,13 @@ import importlib
 import pkgutil
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.models.base import Arrays, Model, SchemeName, Setup
+from ellipsoid_coupling.models.base import Arrays, Health, Model, SchemeName, Setup
+from ellipsoid_coupling.models.memory import require_memory
 
 __all__ = [
     "SCHEMES",
     "Arrays",
+    "Health",
     "Model",
     "SchemeName",
     "Setup",
@@ -52,10 +54,12 @@ def build_model(name: str, setup: Setup) -> Model:
     Raises
     ------
     InputError
-        For an unknown model.
+        For an unknown model, a scene that it does not fit, or one that takes more memory than
+        there is; found before anything large is allocated.
     """
     classes = _classes()
     if name not in classes:
         known = ", ".join(sorted(classes))
         raise InputError("--model", f"one of {known}", repr(name), "Choose one of these.")
+    require_memory(classes[name].layout, name, setup)
     return classes[name](name, setup)

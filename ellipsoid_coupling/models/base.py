@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,28 @@ class Setup:
     flow: FlowField | None
     seed: int
     realisations: int
+
+
+class Health(NamedTuple):
+    """What the monitors watch.
+
+    Attributes
+    ----------
+    mass : float
+        Of all that is inside; 1 for particles, of which none is lost.
+    least_density : float
+        0 for particles.
+    speeds : (float, float)
+        Root mean square of v and of omega, by mass.
+    forces : (float, float)
+        Bounds of the drift now, per mass and per inertia, without its linear part; infinite where
+        something else drives as well (pressure).
+    """
+
+    mass: float
+    least_density: float
+    speeds: tuple[float, float]
+    forces: tuple[float, float]
 
 
 class Model(Protocol):
@@ -61,6 +83,10 @@ class Model(Protocol):
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
+        ...
+
+    def health(self) -> Health:
+        """What the monitors watch; cheap against a step."""
         ...
 
     def counts(self) -> Counts:

@@ -23,15 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction.cells import Sources
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import Pairs, Sources
+from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.kernels import kernel
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    particle_health,
     particle_snapshot,
     random_points,
     scene_drift,
@@ -224,6 +226,10 @@ class McKeanVlasov:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def health(self) -> Health:
+        """Speeds and forces of all particles."""
+        return particle_health(self._state)
 
     def counts(self) -> Counts:
         """The steps, samples and harmonics."""

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE, LargeCloud
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    particle_health,
     particle_snapshot,
     random_points,
     scene_drift,
@@ -26,6 +28,7 @@ from ellipsoid_coupling.models.parts import (
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import ParticleState
+from ellipsoid_coupling.schemes.particles.together import TOGETHER
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -51,6 +54,13 @@ def start_state(setup: Setup) -> ParticleState:
     return ParticleState(place, velocity, velocity.copy(), clock, None)
 
 
+def one_of(state: ParticleState, k: int) -> ParticleState:
+    """Realisation k, as views."""
+    noise = None if state.noise is None else state.noise[k : k + 1]
+    place, velocity, force, clock = (array[k : k + 1] for array in state[:4])
+    return ParticleState(place, velocity, force, clock, noise)
+
+
 class Microscopic:
     """`Model` of the microscopic system."""
 
@@ -66,6 +76,8 @@ class Microscopic:
         self._limits = scene_limits(setup)
         self._state = start_state(setup)
         self._blocks = np.zeros(setup.realisations, np.int64)
+        number = setup.scene.particles.number
+        self._large = LargeCloud(self._drift, number) if number >= LEAST_LARGE else None
 
     @property
     def time(self) -> float:
@@ -75,7 +87,14 @@ class Microscopic:
     def advance(self, until: float) -> None:
         """At most sixteen steps of every realisation."""
         state = self._state._replace(noise=self._draw_noise(until))
-        self._stepper.advance(state, self._drift, self._rates, self._limits, until, _STEPS_PER_CALL)
+        rates, limits = self._rates, self._limits
+        if self._large is None:
+            self._stepper.advance(state, self._drift, rates, limits, until, _STEPS_PER_CALL)
+        else:
+            together = TOGETHER[self._setup.scheme]
+            for k in range(state.place.shape[0]):
+                forces = self._large.set_forces
+                together.advance(one_of(state, k), forces, rates, limits, until, _STEPS_PER_CALL)
         self._check()
 
     def _draw_noise(self, until: float) -> Floats | None:
@@ -126,6 +145,10 @@ class Microscopic:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def health(self) -> Health:
+        """Speeds and forces of all particles."""
+        return particle_health(self._state)
 
     def counts(self) -> Counts:
         """The steps and the mass, which particles keep."""

@@ -7,15 +7,17 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import Walls
+from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.drift import Drift
-from ellipsoid_coupling.interaction.pairs import Pairs, Sources, cell_grid, sort_by_cell
-from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.interaction.pairs import Pairs
+from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.schemes.sources import CellTerms
+from ellipsoid_coupling.schemes.survey import survey_particles
 
 Floats = NDArray[np.float64]
 
@@ -153,6 +155,13 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
         "velocity_y": velocity[:, 1].copy(),
         "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
     }
+
+
+def particle_health(state: ParticleState) -> Health:
+    """Of all realisations together."""
+    out = np.empty(4)
+    survey_particles(state.velocity, state.force, out)
+    return Health(1.0, 0.0, (float(out[0]), float(out[1])), (float(out[2]), float(out[3])))
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

@@ -13,6 +13,7 @@ there is no pressure, else the balanced scheme of schemes/balanced.py. `_STEPPER
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
-from ellipsoid_coupling.models.base import Arrays, Counts, SchemeName, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
@@ -50,6 +51,7 @@ from ellipsoid_coupling.schemes.step_control import (
     new_clock,
     step_log,
 )
+from ellipsoid_coupling.schemes.survey import largest_magnitude, survey_cells
 
 Floats = NDArray[np.float64]
 
@@ -158,6 +160,23 @@ class QEquation:
             current[name][...] = array
         self.system.look_for_mass()
         self.stepper.prepare()
+
+    def health(self) -> Health:
+        """Mass, least density, speeds; a bound of the forces where there is no pressure."""
+        mass, least, speeds = survey_cells(self.system.fields)
+        infinite = math.inf, math.inf
+        forces = infinite if self.system.pressure > 0.0 else self._largest_forces()
+        return Health(mass * self.grid.volume, least, speeds, forces)
+
+    def _largest_forces(self) -> tuple[float, float]:
+        terms, forces = self.system.terms, self.stepper.forces
+        steady, turning = largest_magnitude(terms.steady), 3.0 * largest_magnitude(terms.turning)
+        turning += terms.amplitude or 0.0
+        if forces is None:
+            return steady, turning
+        pull = max(largest_magnitude(forces.x), largest_magnitude(forces.y))
+        torque = largest_magnitude(forces.torque)
+        return steady + pull * terms.inverse_mass, turning + torque * terms.inverse_inertia
 
     def counts(self) -> Counts:
         """The steps, the mass balance and, if they have, when characteristics crossed."""

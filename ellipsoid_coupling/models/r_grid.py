@@ -15,7 +15,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import threads_for
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
@@ -37,7 +37,7 @@ from ellipsoid_coupling.schemes.sources import (
     set_drift,
 )
 from ellipsoid_coupling.schemes.splitting import Splitting
-from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, RUNNING
+from ellipsoid_coupling.schemes.status import MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     CFL,
     STEPS,
@@ -46,6 +46,7 @@ from ellipsoid_coupling.schemes.step_control import (
     new_clock,
     step_log,
 )
+from ellipsoid_coupling.schemes.survey import largest_magnitude, survey_cells
 from ellipsoid_coupling.schemes.sweeps import sweep
 
 Floats = NDArray[np.float64]
@@ -140,8 +141,6 @@ class RGridEquation:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
         with threads_for(self.grid.nx * self.grid.ny, _CELLS_PER_THREAD):
             status = advance_by_limits(self, until, _STEPS_PER_CALL)
-        if not np.isfinite(self.drift).all() or not np.isfinite(self._mass()):
-            status = NOT_FINITE
         if status != RUNNING:
             raise self._failure(status)
 
@@ -189,6 +188,12 @@ class RGridEquation:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def health(self) -> Health:
+        """Mass, least density, speeds, and the drift's largest components."""
+        mass, least, speeds = survey_cells(self.fields)
+        forces = largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
+        return Health(mass * self.cell**2, least, speeds, forces)
 
     def counts(self) -> Counts:
         """The steps and the mass balance."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.fixed_point import Anderson
@@ -145,6 +145,10 @@ class StationaryState:
         """Continue from a `state`."""
         self._potential = np.array(state["potential"], dtype=np.float64)
         self._clock[:] = state["clock"]
+
+    def health(self) -> Health:
+        """A density made positive and of mass 1; nothing moves."""
+        return Health(1.0, 0.0, (0.0, 0.0), (0.0, 0.0))
 
     def counts(self) -> Counts:
         """Iterations, residual (integral of |q - exp(-V - U*q)/Z|), Z and the mass."""

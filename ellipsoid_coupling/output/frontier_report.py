@@ -12,13 +12,13 @@ from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
 from ellipsoid_coupling.compare.split import UNRESOLVED
 from ellipsoid_coupling.compare.table import part_of, write_table
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.figures import (
     UNRESOLVED_CLOSURE,
     PartBars,
     draw_frontier,
     draw_parts,
 )
-from ellipsoid_coupling.output.files import whole_file
 from ellipsoid_coupling.output.labels import model_name
 from ellipsoid_coupling.output.tables import print_table, table_text
 

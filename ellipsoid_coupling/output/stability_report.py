@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ellipsoid_coupling.compare.stability import Case, Field, write_stability
 from ellipsoid_coupling.compare.stability.watch import LARGEST_DRIFT, MOST_STEPS
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.figures import draw_stability
-from ellipsoid_coupling.output.files import whole_file
 from ellipsoid_coupling.output.labels import model_name
 
 SUMMARY_COLUMNS = (

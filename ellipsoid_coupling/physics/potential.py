@@ -61,36 +61,40 @@ def potential_shape(length: float, width: float) -> PotentialShape:
     return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis, bluntness)
 
 
+# Added to a whole number below 2^51, it leaves that number in the low bits: AVX2 has no other way
+# from float64 to int64 that vectorises.
+TO_LOW_BITS = 6755399441055744.0
+
+
 @inline_kernel
 def exp_of_negative(x: float) -> float:
     """exp(x) for -700 < x <= 0, to 3e-14; a polynomial, since a library call stops vectorisation.
 
     exp(x) = 2^n exp(r) with n = round(x / ln 2) and |r| <= ln(2)/2, the Taylor series up to r^12
-    (remainder 2e-16), and 2^n written into the exponent bits.
+    (remainder 2e-16) in parts that the processor adds up side by side, and 2^n written into the
+    exponent bits.
     """
-    n = math.floor(x * LOG2_E + 0.5)
+    n: float = np.floor(x * LOG2_E + 0.5)
     r = x - n * LN2_HIGH - n * LN2_LOW
-    p = 1.0 / 479001600.0
-    p = p * r + 1.0 / 39916800.0
-    p = p * r + 1.0 / 3628800.0
-    p = p * r + 1.0 / 362880.0
-    p = p * r + 1.0 / 40320.0
-    p = p * r + 1.0 / 5040.0
-    p = p * r + 1.0 / 720.0
-    p = p * r + 1.0 / 120.0
-    p = p * r + 1.0 / 24.0
-    p = p * r + 1.0 / 6.0
-    p = p * r + 0.5
-    p = p * r + 1.0
-    p = p * r + 1.0
-    return p * np.int64((np.int64(n) + 1023) << 52).view(np.float64)
+    r2 = r * r
+    low = (1.0 + r) + r2 * (0.5 + r * (1.0 / 6.0))
+    middle = (1.0 / 24.0 + r * (1.0 / 120.0)) + r2 * (1.0 / 720.0 + r * (1.0 / 5040.0))
+    high = (1.0 / 40320.0 + r * (1.0 / 362880.0)) + r2 * (1.0 / 3628800.0 + r * (1.0 / 39916800.0))
+    r4 = r2 * r2
+    high += r4 * (1.0 / 479001600.0)
+    bits = np.float64(n + TO_LOW_BITS).view(np.int64)
+    power: float = np.int64((bits + 1023) << 52).view(np.float64)
+    return power * (low + r4 * (middle + r4 * high))
 
 
 @inline_kernel
-def pair_potential(
+def pair_terms(
     dx: float, dy: float, c2: float, s2: float, c2b: float, s2b: float, shape: PotentialShape
-) -> tuple[float, float, float, float]:
-    """U/eps0 of a pair and its derivatives with respect to r and theta, `eq:interaction`.
+) -> tuple[float, float, float, float, float]:
+    """U/eps0 of a pair and its derivatives for both particles, `eq:interaction`.
+
+    With q = delta . M and D = S/kappa: 1/(1-s) = D/(D - q) and s/(1-s) = q/(D - q), so that one
+    division, by D (D - q), does for all.
 
     Parameters
     ----------
@@ -103,27 +107,44 @@ def pair_potential(
 
     Returns
     -------
-    (U, dU/dx, dU/dy, dU/dtheta), all over eps0; derivatives are those of the first particle.
+    (U, dU/dx, dU/dy, dU/dtheta, dU/dthetabar), all over eps0; the gradient is that of the first
+    particle, the second one's is its opposite.
     """
     factor, size = shape.shape_factor, shape.size
     # 1 - lambda^2 cos^2 Delta and delta - lambda (...), where parallel needles leave no digit, as
     # sums: (1 - lambda)(1 + lambda) + lambda^2 sin^2 Delta, (1 - lambda) delta + lambda (delta - ...).
-    blunt = shape.bluntness
+    blunt, half = shape.bluntness, 0.5 * factor
+    c, s = c2 + c2b, s2 + s2b
+    mx = blunt * dx + factor * (dx - 0.5 * (c * dx + s * dy))
+    my = blunt * dy + factor * (dy - 0.5 * (s * dx - c * dy))
     askew = (c2 - c2b) * (c2 - c2b) + (s2 - s2b) * (s2 - s2b)
-    kappa = 1.0 / (blunt * (1.0 + factor) + 0.25 * factor * factor * askew)
-    mx = blunt * dx + factor * (dx - 0.5 * ((c2 + c2b) * dx + (s2 + s2b) * dy))
-    my = blunt * dy + factor * (dy - 0.5 * ((s2 + s2b) * dx - (c2 + c2b) * dy))
+    inverse_kappa = blunt * (1.0 + factor) + half * half * askew
+    d = size * inverse_kappa
     # Rounding in cos and sin may leave a needle's s below 0.
-    s = max(kappa * (dx * mx + dy * my) / size, 0.0)
-    inside = 1.0 if s < LARGEST_S else 0.0
-    s = min(s, LARGEST_S)
-    rest = 1.0 / (1.0 - s)
-    potential = inside * math.sqrt(kappa) * exp_of_negative(-s * rest)
-    slope = 2.0 * kappa * potential * rest * rest / size
-    # kappa_theta / kappa = -kappa lambda^2 sin 2 Delta
-    turning = -kappa * factor * factor * (s2 * c2b - c2 * s2b)
-    s_theta = s * turning - 2.0 * kappa * factor / size * (
-        c2 * dx * dy - 0.5 * s2 * (dx * dx - dy * dy)
-    )
-    torque = potential * (0.5 * turning - s_theta * rest * rest)
-    return potential, slope * mx, slope * my, torque
+    q = max(dx * mx + dy * my, 0.0)
+    inside = 1.0 if q < LARGEST_S * d else 0.0
+    q = min(q, LARGEST_S * d)
+    rest = d - q
+    once = 1.0 / (inverse_kappa * rest)
+    kappa = rest * once
+    over = inverse_kappa * once
+    potential = inside * math.sqrt(inverse_kappa) * kappa * exp_of_negative(-q * over)
+    # 1/(S (1-s)^2) = d/(S rest^2), and kappa d/S = 1.
+    steep = d * over * over
+    slope = 2.0 * potential * steep
+    # kappa_theta/kappa = -kappa lambda^2 sin 2 Delta; s_theta has a part of kappa and one of M.
+    turning = -kappa * factor * factor * (s2 * c2b - c2 * s2b) * potential * (0.5 - q * steep)
+    product, difference = dx * dy, 0.5 * (dx * dx - dy * dy)
+    arm = slope * factor
+    torque = arm * (c2 * product - s2 * difference) + turning
+    torque_bar = arm * (c2b * product - s2b * difference) - turning
+    return potential, slope * mx, slope * my, torque, torque_bar
+
+
+@inline_kernel
+def pair_potential(
+    dx: float, dy: float, c2: float, s2: float, c2b: float, s2b: float, shape: PotentialShape
+) -> tuple[float, float, float, float]:
+    """(U, dU/dx, dU/dy, dU/dtheta) of `pair_terms`: what the first particle feels."""
+    potential, slope_x, slope_y, torque, _ = pair_terms(dx, dy, c2, s2, c2b, s2b, shape)
+    return potential, slope_x, slope_y, torque

@@ -9,10 +9,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.scenes.scene import Scene
+from ellipsoid_coupling.inputs import exists, read_text
+from ellipsoid_coupling.limits import MOST_NESTING, MOST_SCENE_BYTES
+from ellipsoid_coupling.scenes.scene import RunPart, Scene
 
 Table = dict[str, Any]
 
@@ -40,11 +42,32 @@ def load_scene(scene: str | Path, settings: Mapping[str, Any] | None = None) -> 
         For a missing or unreadable file, an unknown key, a value of the wrong type or range.
     """
     table, where = _read_table(scene)
-    if set(table) == {"run", "versions", "scene"}:  # the run.toml of an earlier run
-        table = table["scene"]
+    if _is_run(table):
+        table, where = table["scene"], f"{where}, [scene]"
+        if not isinstance(table, dict):
+            raise InputError(where, "a section", repr(table), "Take the run.toml of a run.")
     for key, value in (settings or {}).items():
         _apply(table, key, value)
     return scene_from_table(table, where)
+
+
+def load_run_part(scene: str | Path) -> RunPart:
+    """The [run] part of an earlier run's run.toml; an empty one for a scene."""
+    table, where = _read_table(scene)
+    return run_part_from_table(table["run"], where) if _is_run(table) else RunPart()
+
+
+def _is_run(table: Table) -> bool:
+    """Whether the table is the run.toml of an earlier run."""
+    return set(table) == {"run", "versions", "scene"}
+
+
+def run_part_from_table(table: Any, where: str) -> RunPart:
+    """Validate the [run] part of a run.toml; `where` names the file in messages."""
+    try:
+        return RunPart.model_validate(table)
+    except ValidationError as error:
+        raise _input_error(error, f"{where}, [run]", RunPart) from None
 
 
 def scene_from_table(table: Table, where: str) -> Scene:
@@ -52,7 +75,35 @@ def scene_from_table(table: Table, where: str) -> Scene:
     try:
         return Scene.model_validate(table)
     except ValidationError as error:
-        raise _input_error(error, where) from None
+        raise _input_error(error, where, Scene) from None
+
+
+def parse_toml(text: str, where: str) -> Table:
+    """TOML text as a table; InputError for any mistake, sections nested too deeply included."""
+    try:
+        table = tomllib.loads(text)
+        _check_nesting(table, where)
+    except RecursionError:
+        raise _too_deep(where) from None
+    except ValueError as error:  # tomllib's own, and that of an integer of thousands of digits
+        remedy = "Mend the line named."
+        raise InputError(where, "a TOML file", str(error), remedy) from None
+    return table
+
+
+def _check_nesting(table: Table, where: str) -> None:
+    level: list[Any] = [table]
+    for _ in range(MOST_NESTING):
+        inner = (part.values() if isinstance(part, dict) else part for part in level)
+        level = [value for part in inner for value in part if isinstance(value, dict | list)]
+        if not level:
+            return
+    raise _too_deep(where)
+
+
+def _too_deep(where: str) -> InputError:
+    found = f"parts nested more than {MOST_NESTING} deep"
+    return InputError(where, "a scene of sections with plain values", found, "Flatten the file.")
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
@@ -63,8 +114,12 @@ def parse_setting(text: str) -> tuple[str, Any]:
     if value.strip().lower() == "none":
         return key.strip(), None
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        # One value, not more lines of a file.
+        parsed = parse_toml(f"value = {value}", f"--set {key.strip()}")
+        return key.strip(), parsed["value"] if set(parsed) == {"value"} else value.strip()
+    except InputError as error:
+        if "nested" in error.found:
+            raise
         return key.strip(), value.strip()
 
 
@@ -95,20 +150,20 @@ def _read_table(scene: str | Path) -> tuple[Table, str]:
         text = resources.files("ellipsoid_coupling.scenes").joinpath(f"{name}.toml").read_text()
         return tomllib.loads(text), f"scene {name}"
     path = Path(scene)
-    if not path.is_file():
+    if not exists(path):
         known = ", ".join(builtin_scenes())
         remedy = "Give one of these names or the path of a scene file."
         raise InputError(
             f"scene {name}", f"a built-in scene ({known}) or a file", "neither", remedy
         )
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8")), str(path)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), "a TOML file", str(error), "Mend the line named.") from None
+    text = read_text(path, "a scene file (TOML)", MOST_SCENE_BYTES)
+    return parse_toml(text, str(path)), str(path)
 
 
 def _apply(table: Table, key: str, value: object) -> None:
     *sections, last = key.split(".")
+    if len(sections) > MOST_NESTING:
+        raise _too_deep(f"--set {key}")
     for section in sections:
         table = table.setdefault(section, {})
         if not isinstance(table, dict):
@@ -121,13 +176,13 @@ def _apply(table: Table, key: str, value: object) -> None:
         table[last] = value
 
 
-def _input_error(error: ValidationError, where: str) -> InputError:
+def _input_error(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     """The first mistake of `error` in words; a user mends one at a time."""
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"]) or "the scene"
-    place, found = f"{where}, key {key}", repr(first["input"])
+    key = ".".join(str(part) for part in first["loc"]) or "the whole"
+    place, found = f"{where}, key {key}", _quoted(first["input"])
     if first["type"] == "extra_forbidden":
-        known = ", ".join(_known_keys([str(part) for part in first["loc"][:-1]]))
+        known = ", ".join(_known_keys(model, [str(part) for part in first["loc"][:-1]]))
         return InputError(place, f"one of {known}", "an unknown key", "Remove or rename it.")
     if first["type"] == "missing":
         return InputError(place, "a value", "none", "Add the key.")
@@ -137,8 +192,15 @@ def _input_error(error: ValidationError, where: str) -> InputError:
     return InputError(place, expected, found, "Change the value.")
 
 
-def _known_keys(sections: list[str]) -> list[str]:
-    model: Any = Scene
+def _quoted(value: object) -> str:
+    """A value for a message; Python refuses to print integers of thousands of digits."""
+    try:
+        return repr(value)
+    except ValueError:
+        return "a number of thousands of digits"
+
+
+def _known_keys(model: Any, sections: list[str]) -> list[str]:
     for section in sections:
         annotation = model.model_fields[section].annotation
         options = getattr(annotation, "__args__", (annotation,))

@@ -8,23 +8,64 @@ radian.
 from __future__ import annotations
 
 import math
+import re
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Count = Annotated[int, Field(ge=1)]
-Interval = Annotated[tuple[float, float], Strict(False)]
-Point = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=3)]
+from ellipsoid_coupling.limits import (
+    LARGEST_NUMBER,
+    MOST_COUNT,
+    MOST_NAME,
+    SMALLEST_NUMBER,
+    SMALLEST_STEP,
+)
+
+
+def _in_range(value: float) -> float:
+    """Refuse numbers whose products leave double precision."""
+    if value != 0.0 and not SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER:
+        raise ValueError(f"a size between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, or 0")
+    return value
+
+
+def _one_line(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("one line of printable characters")
+    return text
+
+
+def _file_name(name: str) -> str:
+    """Refuse names that would lead a folder named after them elsewhere, or nowhere."""
+    if not re.fullmatch(r"\w[\w .+()=-]*", name) or len(name.encode()) > MOST_NAME:
+        raise ValueError(
+            f"a name of at most {MOST_NAME} letters, digits, '_', '-', '.' or spaces "
+            "that starts with a letter or digit, as folders are named after it"
+        )
+    return name
+
+
+Number = Annotated[float, AfterValidator(_in_range)]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
+NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
+Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
+Interval = Annotated[tuple[Number, Number], Strict(False)]
+Line = Annotated[str, AfterValidator(_one_line)]
+Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
 Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
-Sides = Annotated[tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False)]
+Sides = Annotated[
+    tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False), Field(min_length=1)
+]
 
 
 def _require_interval(name: str, interval: Interval) -> None:
-    if not interval[0] < interval[1]:
+    low, high = interval
+    if not low < high:
         raise ValueError(f"{name} = [low, high] with low < high")
+    # Else cells and particles would have no room between the numbers that there are.
+    if not high - low > 1e-9 * max(abs(low), abs(high)):
+        raise ValueError(f"{name} = [low, high] that differ by more than rounding")
 
 
 class Part(BaseModel):
@@ -92,7 +133,7 @@ class Start(Part):
 
     x: Interval
     y: Interval
-    angle: float = 0.0
+    angle: Number = 0.0
     points: Points | None = None
 
     @model_validator(mode="before")
@@ -158,7 +199,7 @@ class Flow(Part):
     """
 
     source: Literal["openfoam", "closed_form"]
-    field: str
+    field: Annotated[Line, Field(min_length=1)]
     cells: Count = 100
     drag: NotNegative
     angular_drag: NotNegative
@@ -176,6 +217,12 @@ class WallsPart(Part):
     sides: Sides = ("left", "right", "bottom", "top")
     strength_factor: Positive = 10.0
     ghost_density: Literal["matched", "paper"] = "matched"
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if len(set(self.sides)) < len(self.sides):
+            raise ValueError(f"each of sides once, not {', '.join(self.sides)}")
+        return self
 
 
 class OuterPotential(Part):
@@ -220,8 +267,8 @@ class Numerics(Part):
 class Scene(Part):
     """One simulation's physics. Built by `load_scene`; see the class of each part for its keys."""
 
-    name: str
-    title: str = ""
+    name: Annotated[str, AfterValidator(_file_name)]
+    title: Line = ""
     times: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
     domain: Domain
     particles: Particles
@@ -238,6 +285,11 @@ class Scene(Part):
     def _check(self) -> Self:
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError("increasing times")
+        if self.numerics.time_step < SMALLEST_STEP * self.times[-1]:
+            raise ValueError(
+                f"numerics.time_step of at least {SMALLEST_STEP:g} of the last of times "
+                f"({self.times[-1]:g}), not {self.numerics.time_step:g}, which no longer moves the clock"
+            )
         if self.walls is not None and self.domain.boundary != "reflecting":
             raise ValueError('domain.boundary = "reflecting" for [walls]')
         if self.walls is not None and self.interaction is None:
@@ -250,3 +302,14 @@ class Scene(Part):
         if points is not None and len(points) != self.particles.number:
             raise ValueError(f"particles.number = {len(points)}, the number of start.points")
         return self
+
+
+class RunPart(Part):
+    """The [run] part of a run.toml: what `run` was told beside the scene."""
+
+    model: Line | None = None
+    scheme: Line = "accurate"
+    seed: Annotated[int, Field(ge=0)] = 0
+    realisations: Count | None = None
+    flow: Line = "none"
+    flow_digest: Line = "none"

@@ -30,6 +30,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
 from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
@@ -57,6 +58,7 @@ class BalancedHeun:
         self._steady = _steady_forces(system)
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)
+        self.forces: AngleForces | None = None
         self._before = np.empty_like(system.fields)
         self._middle = np.empty_like(system.fields)
 

@@ -110,11 +110,16 @@ class QSystem:
 
 
 class QStepper(Protocol):
-    """One way to step a `QSystem`; `memory` is what a restart needs besides the fields."""
+    """One way to step a `QSystem`.
+
+    `memory` is what a restart needs besides the fields, `forces` those of interaction and walls at
+    the present density, where the stepper keeps them.
+    """
 
     order: ClassVar[int]
     quantity: ClassVar[Quantity]
     memory: Floats
+    forces: AngleForces | None
 
     def __init__(self, system: QSystem) -> None:
         """For this system, whose interaction is of `quantity`."""
@@ -141,16 +146,16 @@ class _Forced:
 
     def __init__(self, system: QSystem) -> None:
         self._system = system
-        self._forces: AngleForces | None = None
+        self.forces: AngleForces | None = None
         self._allowed: Steps = (0.0, 0.0)
         self.memory = np.zeros(0)
 
     def prepare(self) -> None:
         """The forces of the present density, and the step that they allow."""
         system = self._system
-        self._forces = system.forces()
+        self.forces = system.forces()
         self._allowed = largest_step(
-            system.fields, system.extents, system.terms, self._forces, system.limits()
+            system.fields, system.extents, system.terms, self.forces, system.limits()
         )
 
     @property
@@ -172,8 +177,8 @@ class Godunov(_Forced):
         for axis in system.axes:
             system.transport(flux, axis, dt)
         system.look_for_mass()
-        self._forces = system.forces()
-        here = system.fields, system.extents, system.terms, self._forces
+        self.forces = system.forces()
+        here = system.fields, system.extents, system.terms, self.forces
         self._allowed = step_implicitly(*here, dt, system.limits())
 
 
@@ -190,10 +195,10 @@ class KickDriftKick(_Forced):
         """Directions change order from step to step (`count`), so that none is preferred."""
         system = self._system
         flux = Ballistic()
-        kick_exactly(system.fields, system.extents, system.terms, self._forces, 0.5 * dt)
+        kick_exactly(system.fields, system.extents, system.terms, self.forces, 0.5 * dt)
         for axis in system.axes if count % 2 == 0 else system.axes[::-1]:
             system.transport(flux, axis, dt)
         system.look_for_mass()
-        self._forces = system.forces()
-        here = system.fields, system.extents, system.terms, self._forces
+        self.forces = system.forces()
+        here = system.fields, system.extents, system.terms, self.forces
         self._allowed = kick_exactly(*here, 0.5 * dt, system.limits())

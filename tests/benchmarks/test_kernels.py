@@ -14,8 +14,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
+from ellipsoid_coupling.interaction.cells import cell_grid
 from ellipsoid_coupling.interaction.choice import choose_interaction
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force

@@ -3,6 +3,7 @@
     python tests/data/make_flow_data.py
 
 cavity_16 : foam_cases/cavity on 16 x 16 cells, and in cavity_16/VTK what foamToVTK made of it
+cavity_16_binary : cavity_16 in OpenFOAM's binary format
 graded    : the same on 12 x 12 cells, the mesh graded towards the lid and one side
 l_shape   : an L of three 6 x 6 blocks, its own lid over the left half
 top_bottom_12 : foam_cases/top_bottom on 12 x 12 cells, which has no stream function
@@ -91,6 +92,19 @@ def _keep(solved: Path, name: str) -> None:
         shutil.copytree(step, target / "VTK" / f"{name}_{step.name.rpartition('_')[2]}")
 
 
+def _keep_binary(case: Path) -> None:
+    """The same case in binary, converted by OpenFOAM."""
+    target = HERE / f"{case.name}_binary"
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(case, target, ignore=shutil.ignore_patterns("VTK"))
+    control = target / "system" / "controlDict"
+    _edit(control, "writeFormat     ascii", "writeFormat     binary")
+    subprocess.run(
+        ["foamFormatConvert"], cwd=target, env=foam_environment(), check=True,
+        stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
 def main() -> None:
     """Solve the cases in a scratch folder and keep what the readers need."""
     with tempfile.TemporaryDirectory() as scratch:
@@ -114,6 +128,8 @@ def main() -> None:
                     cwd=solved, env=foam_environment(), check=True, stdout=subprocess.DEVNULL,
                 )  # fmt: skip
             _keep(solved, name)
+            if name == "cavity_16":
+                _keep_binary(HERE / name)
         _keep(solve_case("top_bottom", 12, out=work / "top_bottom_12"), "top_bottom_12")
 
 

@@ -147,7 +147,7 @@ def _noise(case: Path) -> None:
     ("edit", "why"),
     [
         (_remove("[1-9]*/streamFunction"), "the case has none"),
-        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "has none"),
+        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "is not finite"),
         (_noise, "the case's is \\d+ % off"),
     ],
 )
@@ -196,5 +196,5 @@ def test_a_linear_flow_without_stream_function_is_exact() -> None:
 @pytest.mark.parametrize("content", ["", "<VTKFile type='nonsense'/>", "not xml at all"])
 def test_unreadable_vtu_is_an_input_error(tmp_path: Path, content: str) -> None:
     (tmp_path / "internal.vtu").write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match="a file that meshio reads"):
+    with pytest.raises(InputError, match=r"internal\.vtu: expected"):
         read_vtk(tmp_path)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.cells import cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.kernels import plain
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 

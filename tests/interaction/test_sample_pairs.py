@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction.cells import cell_grid
 from ellipsoid_coupling.interaction.choice import Method
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces, cell_grid
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs

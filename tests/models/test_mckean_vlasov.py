@@ -13,14 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField, analytic_flow
+from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import (
-    Pairs,
-    Sources,
-    add_pair_forces,
-    cell_grid,
-    sort_by_cell,
-)
+from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
 from ellipsoid_coupling.models.mckean_vlasov import McKeanVlasov
@@ -110,6 +105,22 @@ def test_samples_beyond_the_nodes_neither_act_nor_feel() -> None:
     # Each sample weighs half as much.
     assert both[0, :, :4000] == pytest.approx(0.5 * alone[0], rel=1e-5, abs=1e-5)
     assert np.all(forces(np.full((2, 3, 4), 9.0)) == 0.0)
+
+
+def test_samples_on_nodes_read_nothing_that_is_not_there() -> None:
+    """The last of four spline weights is 0 there: nodes that only it touches belong to the stencil.
+
+    A rectangle of samples, once on the nodes and once 1e-9 beside them: the same forces. Freed memory
+    is filled with NaN before, so that reading beyond an array shows.
+    """
+    step = WIDTH / 4.0
+    x, y = (a.ravel() for a in np.meshgrid(0.25 + step * np.arange(9), 0.25 + step * np.arange(5)))
+    place = np.array([x, y, np.sin(8.0 * x)])[None]
+    beside = forces(place + np.array([[1e-9], [1e-9], [0.0]]))
+    for _ in range(20):
+        junk = [np.full(n, np.nan) for n in (64, 256, 1024, 4096, 16384)]
+        del junk
+        assert forces(place) == pytest.approx(beside, rel=1e-4, abs=1e-5 * np.abs(beside).max())
 
 
 @pytest.mark.usefixtures("one_thread")

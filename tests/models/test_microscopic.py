@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.interaction import pairs
 from ellipsoid_coupling.models import Setup, build_model, parts
 from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
@@ -59,6 +58,24 @@ def test_same_bits_on_one_thread_and_on_two(
         assert np.array_equal(values, ends[1][name]), name
 
 
+@pytest.mark.parametrize("scheme", ["paper", "accurate"])
+@pytest.mark.parametrize("noise", [None, 1.0])
+def test_a_large_realisation_runs_as_a_small_one_does(
+    scheme: str, noise: float | None, rotation_flow: FlowField, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To 1e-9: sums in another order, and what that grows to in some twenty steps."""
+    part = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
+    settings = part | {"particles.number": 1200, "particles.realisations": 2}
+    small = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
+    monkeypatch.setattr(module, "LEAST_LARGE", 1000)
+    large = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
+    assert large._large is not None
+    assert small._large is None
+    assert large.counts() == small.counts()
+    for name, values in small.snapshot().items():
+        assert np.allclose(large.snapshot()[name], values, atol=1e-9), name
+
+
 def test_interaction_keeps_the_momentum_to_rounding() -> None:
     """No fluid, no walls, no noise: the sum of all velocities stays 0 (1e-13 of their size)."""
     bare = {"outer_potential": None, "angular_potential": None, "noise": None}
@@ -81,7 +98,6 @@ def test_without_interaction_nobody_looks_for_neighbours(
     def forbidden(*_: object) -> None:
         raise AssertionError("a part that the scene does not have was built")
 
-    monkeypatch.setattr(pairs, "cell_grid", forbidden)
     monkeypatch.setattr(parts, "cell_grid", forbidden)
     monkeypatch.setattr(parts, "scene_walls", forbidden)
     model = model_of("rotation", {"interaction": None}, rotation_flow)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling.output.files import whole_file
+from ellipsoid_coupling.files import whole_file
 
 
 def test_file_appears_only_when_finished(tmp_path: Path) -> None:

@@ -1,0 +1,93 @@
+"""What a checkpoint holds: the model's state, the snapshots taken so far, and the seconds spent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import Arrays
+from ellipsoid_coupling.models import Model
+
+Floats = NDArray[np.float64]
+
+_STATE, _SNAPSHOT, _SECONDS = "state.", "snapshot.", "seconds"
+
+
+def pack(model: Model, snapshots: Sequence[Arrays], seconds: Floats) -> Arrays:
+    """All that a run needs to go on, as named arrays."""
+    arrays: Arrays = {_SECONDS: seconds}
+    arrays |= {_STATE + name: array for name, array in model.state().items()}
+    for i, snapshot in enumerate(snapshots):
+        arrays |= {f"{_SNAPSHOT}{i}.{name}": array for name, array in snapshot.items()}
+    return arrays
+
+
+def unpack(
+    arrays: Arrays, model: Model, times: Sequence[float], where: str
+) -> tuple[list[Arrays], Floats]:
+    """Put a model, fresh from its start, into the state of a checkpoint.
+
+    Parameters
+    ----------
+    arrays : dict
+        As `pack` made them.
+    times : sequence of float
+        The scene's save times.
+    where : str
+        The file, for messages.
+
+    Returns
+    -------
+    list of dict, (2,) float64
+        The snapshots, and the seconds of running and compiling.
+
+    Raises
+    ------
+    InputError
+        If names, shapes, kinds of numbers or times are not those of this model on this scene.
+    """
+    snapshots = _numbered(arrays)
+    if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
+        raise _unfit(where, f"fewer than {len(times)} snapshots", f"{sorted(snapshots)}")
+    seconds = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
+    _require_alike(where, seconds, {_SECONDS: np.zeros(2)})
+    state = {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
+    _require_alike(where, state, model.state())
+    for snapshot in snapshots.values():
+        _require_alike(where, snapshot, model.snapshot())
+    model.restore(state)
+    count = len(snapshots)
+    reached = times[count - 1] if count else 0.0
+    if not reached <= model.time <= times[count]:
+        raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
+    return [snapshots[i] for i in range(count)], arrays[_SECONDS]
+
+
+def _numbered(arrays: Arrays) -> dict[int, Arrays]:
+    """The snapshots, by number and name."""
+    found: dict[int, Arrays] = {}
+    for key, array in arrays.items():
+        number, _, name = key.removeprefix(_SNAPSHOT).partition(".")
+        if key.startswith(_SNAPSHOT) and number.isdecimal() and len(number) < 10:
+            found.setdefault(int(number), {})[name] = array
+    return found
+
+
+def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
+    """The same names, shapes and kinds of numbers."""
+    if found.keys() != expected.keys():
+        raise _unfit(where, f"arrays {', '.join(expected)}", ", ".join(found) or "none")
+    for name, array in expected.items():
+        other = found[name]
+        if other.shape != array.shape or other.dtype != array.dtype:
+            wanted = f"{name} of {array.dtype} {array.shape}"
+            raise _unfit(where, wanted, f"{other.dtype} {other.shape}")
+
+
+def _unfit(where: str, expected: str, found: str) -> InputError:
+    return InputError(
+        where, f"a checkpoint of this run: {expected}", found, "Remove it to start again."
+    )

@@ -1,0 +1,243 @@
+"""A solved case, checked: mesh, U and stream function, and a plain copy of them for VTK.
+
+VTK's reader trusts what it reads: a wrong count or point number ends the program, an #include is
+followed, other folders are looked into. So VTK gets `write_plain`'s copy, which holds what has been
+checked here and nothing else of the case, always in the same binary form.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.foam_fields import Field, PatchFaces, read_boundary, read_field
+from ellipsoid_coupling.flow.foam_files import (
+    Array,
+    FoamFile,
+    Index,
+    open_file,
+    packed,
+    read_faces,
+    read_labels,
+    read_numbers,
+    require_finite,
+)
+
+# m/s; and the stream function that postProcess writes of volume fluxes, m^3/s, or of mass fluxes.
+from ellipsoid_coupling.limits import LARGEST_IN_A_CASE
+
+_U_DIMENSIONS = ((0.0, 1.0, -1.0),)
+_PSI_DIMENSIONS = ((0.0, 3.0, -1.0), (0.0, 2.0, -1.0), (1.0, 0.0, -1.0))
+_LEAST_CORNERS, _LEAST_FACES = 3, 4
+_MOST_LABEL = 2**31 - 1
+
+
+class Mesh(NamedTuple):
+    """points (P, 3); faces by their corners (K,) and where each begins (F + 1,); the cell on either
+    side, owner (F,) and neighbour (those inside); patches of the faces that are left.
+    """
+
+    points: Array
+    corners: Index
+    begins: Index
+    owner: Index
+    neighbour: Index
+    patches: list[PatchFaces]
+
+    @property
+    def cells(self) -> int:
+        """The number of cells."""
+        return int(self.owner.max()) + 1
+
+
+class Solution(NamedTuple):
+    """The mesh, U with its values on patches, and the stream function (P,), if there is one."""
+
+    mesh: Mesh
+    velocity: Field
+    psi: Array | None
+
+
+def read_solution(case: Path, time: str) -> Solution:
+    """Mesh, U and streamFunction of a case at the time folder `time`, every number checked.
+
+    Raises InputError, with file and place, for anything that is missing, broken or inconsistent.
+    """
+    mesh = _read_mesh(case / "constant" / "polyMesh")
+    file = open_file(case / time / "U", "volVectorField")
+    velocity = read_field(file, 3, mesh.cells, mesh.patches)
+    _require_dimensions(file, velocity, _U_DIMENSIONS)
+    require_finite(file, velocity.values, "internalField")
+    for name, values in velocity.on_patches.items():
+        if values is not None:
+            require_finite(file, values, f"boundaryField, {name}")
+    return Solution(mesh, velocity, _read_stream(case / time / "streamFunction", mesh))
+
+
+def _read_stream(path: Path, mesh: Mesh) -> Array | None:
+    """(P,), or None if the case has none; not finite where it is so in the file."""
+    if packed(path) is None:
+        return None
+    file = open_file(path, "pointScalarField")
+    field = read_field(file, 1, len(mesh.points), None)
+    _require_dimensions(file, field, _PSI_DIMENSIONS)
+    return field.values[:, 0]
+
+
+def _require_dimensions(
+    file: FoamFile, field: Field, known: tuple[tuple[float, float, float], ...]
+) -> None:
+    if field.dimensions[:3] not in known or any(field.dimensions[3:]):
+        words = " or ".join("[{:g} {:g} {:g} 0 0 0 0]".format(*one) for one in known)
+        found = "[" + " ".join(f"{d:g}" for d in field.dimensions) + "]"
+        remedy = "Name the case of an incompressible flow; its U is a velocity."
+        raise InputError(f"{file.path}, key dimensions", words, found, remedy)
+
+
+def _read_mesh(folder: Path) -> Mesh:
+    file = open_file(folder / "points", "vectorField")
+    points, _ = read_numbers(file, file.start, 3, None, "points")
+    require_finite(file, points, "points")
+    file = open_file(folder / "faces", "faceList", "faceCompactList")
+    corners, begins = read_faces(file)
+    _require_faces(file, corners, begins, len(points))
+    faces = begins.size - 1
+    file = open_file(folder / "owner", "labelList")
+    owner, _ = read_labels(file, file.start, faces, "owners, one a face")
+    other = open_file(folder / "neighbour", "labelList")
+    neighbour, _ = read_labels(other, other.start, None, "neighbours")
+    _require_cells(file, other, owner, neighbour)
+    patches = read_boundary(folder / "boundary", neighbour.size, faces)
+    mesh = Mesh(points, corners, begins, owner, neighbour, patches)
+    _require_closed(file, mesh)
+    return mesh
+
+
+def _require_faces(file: FoamFile, corners: Index, begins: Index, points: int) -> None:
+    """Every face has three corners or more, all of them points of the mesh, none twice."""
+    sizes = np.diff(begins)
+    _require(file, sizes >= _LEAST_CORNERS, "faces of three corners or more", "face")
+    _require(
+        file,
+        (corners >= 0) & (corners < points),
+        f"corners below {points}, the number of points",
+        "corner",
+    )
+    face = np.repeat(np.arange(sizes.size), sizes)
+    order = np.lexsort((corners, face))
+    twice = (np.diff(corners[order]) == 0) & (np.diff(face[order]) == 0)
+    _require(file, ~twice, "faces whose corners differ", "corner")
+
+
+def _require_cells(file: FoamFile, other: FoamFile, owner: Index, neighbour: Index) -> None:
+    """Cells are numbered from 0 without gaps; a face inside lies between two of them."""
+    _require(file, (owner >= 0) & (owner < owner.size), "cells below the number of faces", "face")
+    cells = int(owner.max(initial=-1)) + 1
+    _require(file, np.bincount(owner, minlength=cells) > 0, "a face of every cell", "cell")
+    if neighbour.size > owner.size:
+        raise other.error(other.start, f"at most {owner.size} neighbours", f"{neighbour.size}")
+    inside = (neighbour >= 0) & (neighbour < cells) & (neighbour != owner[: neighbour.size])
+    _require(other, inside, f"another cell than the owner, below {cells}", "face")
+
+
+def _require_closed(file: FoamFile, mesh: Mesh) -> None:
+    """The faces of every cell close it: each edge of a cell lies on two of its faces.
+
+    What VTK takes for a hexahedron or a prism then is one.
+    """
+    sizes = np.diff(mesh.begins)
+    following = np.arange(1, mesh.corners.size + 1)
+    following[mesh.begins[1:] - 1] = mesh.begins[:-1]
+    ends = np.sort(np.stack((mesh.corners, mesh.corners[following])), axis=0)
+    edge = ends[0] * len(mesh.points) + ends[1]
+    inside = np.repeat(np.arange(sizes.size) < mesh.neighbour.size, sizes)
+    first = np.repeat(mesh.owner, sizes)
+    second = np.repeat(mesh.neighbour, sizes[: mesh.neighbour.size])
+    cell, edge = np.concatenate((first, second)), np.concatenate((edge, edge[inside]))
+    order = np.lexsort((edge, cell))
+    cell, edge = cell[order], edge[order]
+    new = np.concatenate(([True], (np.diff(cell) != 0) | (np.diff(edge) != 0), [True]))
+    count = np.diff(np.flatnonzero(new))
+    bad = cell[new[:-1]][count != 2]
+    faces = np.bincount(mesh.owner, minlength=mesh.cells)
+    faces += np.bincount(mesh.neighbour, minlength=mesh.cells)
+    # Euler: corners - edges + faces = 2 for each cell.
+    corner_cell = np.concatenate((first, second))
+    corner = np.concatenate((mesh.corners, mesh.corners[inside]))
+    corner_order = np.lexsort((corner, corner_cell))
+    distinct = np.concatenate((
+        [True],
+        (np.diff(corner_cell[corner_order]) != 0) | (np.diff(corner[corner_order]) != 0),
+    ))  # fmt: skip
+    corners = np.bincount(corner_cell[corner_order][distinct], minlength=mesh.cells)
+    edges = np.bincount(cell[new[:-1]], minlength=mesh.cells)
+    wrong = np.union1d(bad, np.flatnonzero((corners - edges + faces != 2) | (faces < _LEAST_FACES)))
+    if wrong.size:
+        raise InputError(
+            str(file.path.parent), "cells closed by their faces",
+            f"cell {wrong[0]}, which is not ({wrong.size} such cells)", "Mesh the case again.",
+        )  # fmt: skip
+
+
+def _require(file: FoamFile, good: NDArray[np.bool_], expected: str, item: str) -> None:
+    bad = np.flatnonzero(~good)
+    if bad.size:
+        raise InputError(
+            f"{file.path}, {item} {bad[0]}", expected, f"another ({bad.size} such places)",
+            "Mesh the case again.",
+        )  # fmt: skip
+
+
+def write_plain(solution: Solution, folder: Path) -> None:
+    """A case of one time, 1, that holds nothing but `solution`; VTK reads it by controlDict."""
+    mesh, velocity, psi = solution
+    for part in ("system", "constant/polyMesh", "1"):
+        (folder / part).mkdir(parents=True)
+    at = folder / "constant" / "polyMesh"
+    _write(folder / "system" / "controlDict", "dictionary", b"")
+    _write(at / "points", "vectorField", _list(mesh.points, "<f8"))
+    _write(at / "faces", "faceCompactList", _list(mesh.begins, "<i4") + _list(mesh.corners, "<i4"))
+    _write(at / "owner", "labelList", _list(mesh.owner, "<i4"))
+    _write(at / "neighbour", "labelList", _list(mesh.neighbour, "<i4"))
+    parts = (
+        f"{name} {{ type {kind}; nFaces {count}; startFace {start}; }}\n"
+        for name, kind, start, count in mesh.patches
+    )
+    text = f"{len(mesh.patches)}\n(\n{''.join(parts)})\n"
+    _write(at / "boundary", "polyBoundaryMesh", text.encode("ascii"))
+    _write_field(folder / "1" / "U", velocity, "Vector")
+    if psi is not None and np.all(np.abs(psi) <= LARGEST_IN_A_CASE):
+        types = dict.fromkeys(velocity.types, "calculated")
+        stream = Field((), psi[:, None], types, dict.fromkeys(types))
+        _write_field(folder / "1" / "streamFunction", stream, "Scalar")
+
+
+def _write_field(path: Path, field: Field, kind: str) -> None:
+    place = "vol" if kind == "Vector" else "point"
+    head = b"nonuniform List<" + kind.lower().encode() + b">\n"
+    body = b"dimensions [0 1 -1 0 0 0 0];\ninternalField " + head + _list(field.values, "<f8")
+    body += b";\nboundaryField\n{\n"
+    for name, values in field.on_patches.items():
+        body += f"{name}\n{{\ntype {field.types[name]};\n".encode("ascii")
+        if values is not None:
+            body += b"value " + head + _list(values, "<f8") + b";\n"
+        body += b"}\n"
+    _write(path, f"{place}{kind}Field", body + b"}\n")
+
+
+def _list(values: NDArray[np.generic], dtype: str) -> bytes:
+    raw = b"(" + values.astype(dtype).tobytes() + b")" if len(values) else b""
+    return f"{len(values)}\n".encode("ascii") + raw
+
+
+def _write(path: Path, kind: str, body: bytes) -> None:
+    written = "ascii" if kind in ("dictionary", "polyBoundaryMesh") else "binary"
+    header = (
+        f'FoamFile\n{{\nversion 2.0;\nformat {written};\narch "LSB;label=32;scalar=64";\n'
+        f"class {kind};\nobject {path.name};\n}}\n\n"
+    )
+    path.write_bytes(header.encode("ascii") + body + b"\n")

@@ -1,0 +1,71 @@
+"""What a saved flow (.npz) must hold to be one; see `FlowField.save`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError, readable
+from ellipsoid_coupling.inputs import read_arrays
+from ellipsoid_coupling.limits import LARGEST_NUMBER, MOST_FLOW_BYTES
+
+EXPECTED = "a flow saved by FlowField.save"
+_REMEDY = "Name a saved flow (.npz) or a solved OpenFOAM case folder."
+_KINDS = {"coefficients": "<f8", "mask": "|u1", "numbers": "<f8"}
+# Limits are the nodes' rectangle up to its rim.
+_SAME_PLACE = 1e-6
+
+
+class SavedFlow(NamedTuple):
+    """coefficients (ny+3, nx+3); mask (ny, nx); x0, y0, cells per length and limits (8,); origin."""
+
+    coefficients: NDArray[np.float64]
+    mask: NDArray[np.uint8]
+    numbers: list[float]
+    origin: str
+
+
+def read_saved(path: Path) -> SavedFlow:
+    """A saved flow, checked; InputError where the file is missing, broken or something else."""
+    file = read_arrays(path, EXPECTED, MOST_FLOW_BYTES)
+    kinds = {name: array.dtype.str for name, array in file.items()}
+    if kinds | _KINDS != kinds or not kinds.get("origin", "").startswith("<U"):
+        found = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "nothing"
+        raise InputError(str(path), f"{EXPECTED}: {', '.join(_KINDS)}, origin", found, _REMEDY)
+    coefficients, mask, numbers = (file[name] for name in _KINDS)
+    ny, nx = mask.shape if mask.ndim == 2 else (0, 0)
+    if min(ny, nx) < 1 or coefficients.shape != (ny + 3, nx + 3) or numbers.shape != (8,):
+        found = f"shapes {coefficients.shape}, {mask.shape} and {numbers.shape}"
+        expected = "coefficients (ny+3, nx+3), a mask (ny, nx) and 8 numbers"
+        raise InputError(str(path), expected, found, _REMEDY)
+    bad = np.argwhere(~(np.abs(coefficients) <= LARGEST_NUMBER))
+    if bad.size or mask.max() > 1:
+        where = f"coefficients[{bad[0][0]}, {bad[0][1]}]" if bad.size else "mask"
+        raise InputError(f"{path}, {where}", "finite coefficients and a mask of 0 and 1",
+                         "NaN, infinite or huge values" if bad.size else "others", _REMEDY)  # fmt: skip
+    if not _fits(numbers, ny, nx):
+        expected = "a rectangle that its limits bound"
+        raise InputError(f"{path}, numbers", expected, str(numbers.tolist()), _REMEDY)
+    try:
+        origin = readable(str(file["origin"]))
+    except ValueError as error:
+        raise InputError(f"{path}, origin", "one line of text", str(error), _REMEDY) from None
+    return SavedFlow(coefficients, mask, numbers.tolist(), origin)
+
+
+def _fits(numbers: NDArray[np.float64], ny: int, nx: int) -> bool:
+    """Whether x_low ... y_high are the rectangle of x0, y0 and the cells, or everywhere."""
+    x0, y0, per_x, per_y = numbers[:4].tolist()
+    least, most = 1.0 / LARGEST_NUMBER, LARGEST_NUMBER
+    if not (abs(x0) < most and abs(y0) < most and least < per_x < most and least < per_y < most):
+        return False
+    width, height = nx / per_x, ny / per_y
+    bounds = np.array([x0, x0 + width, y0, y0 + height])
+    everywhere = np.array([-np.inf, np.inf, -np.inf, np.inf])
+    if np.array_equal(numbers[4:], everywhere):
+        return True
+    off = np.abs(numbers[4:] - bounds) / np.array([width, width, height, height])
+    return bool(np.all(off < _SAME_PLACE))

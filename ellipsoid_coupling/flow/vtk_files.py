@@ -1,0 +1,233 @@
+"""Strict reading of the XML files that foamToVTK writes, before meshio or VTK sees them.
+
+Both take counts and offsets as they stand: a wrong one fills the memory or ends the program. So every
+array is decoded here once, and its size, its type and, for indices, its range are checked.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.inputs import read_bytes
+from ellipsoid_coupling.limits import LARGEST_IN_A_CASE, MOST_CASE_FILE_BYTES, MOST_NESTING
+
+REMEDY = "Run foamToVTK -latestTime again."
+_EXPECTED = "what foamToVTK writes"
+_TYPES = {
+    "Float32": "<f4", "Float64": "<f8", "Int8": "<i1", "UInt8": "<u1", "Int32": "<i4",
+    "UInt32": "<u4", "Int64": "<i8", "UInt64": "<u8",
+}  # fmt: skip
+# VTK's numbers of the cells that a plane mesh has, and their corners.
+_CORNERS = {12: 8, 13: 6}
+_COUNT = re.compile(r"\d{1,12}")
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """The one piece of a file: where it comes from, its element, its numbers of points and cells."""
+
+    path: Path
+    element: ElementTree.Element
+    points: int
+    cells: int
+
+    def error(self, place: str, expected: str, found: str) -> InputError:
+        return InputError(f"{self.path}, {place}", expected, found, REMEDY)
+
+    def arrays(self, section: str) -> dict[str, ElementTree.Element]:
+        """The arrays of a section by name; none where it is missing."""
+        parts = self.element.findall(section)
+        arrays = parts[0].findall("DataArray") if parts else []
+        found = {array.get("Name", "none"): array for array in arrays}
+        if len(parts) > 1 or len(found) < len(arrays):
+            raise self.error(section, "each section and each array once", "one twice")
+        return found
+
+    def decoded(self, section: str, name: str, rows: int, width: int) -> NDArray[Any]:
+        """An array of a section, (rows, width); InputError where it is missing, broken or another."""
+        place, element = f"{section} {name}", self.arrays(section).get(name)
+        if element is None:
+            raise self.error(place, "an array", "none")
+        values = _decode(self, place, element)
+        if values.size != rows * width or element.get("NumberOfComponents", "1") != str(width):
+            found = f"{values.size}, {element.get('NumberOfComponents', '1')} each"
+            raise self.error(place, f"{rows * width} numbers, {width} each", found)
+        return values.reshape(rows, width)
+
+
+def check_internal(path: Path) -> None:
+    """InputError unless `path` is a whole internal.vtu of hexahedra and prisms with a finite U."""
+    piece = _open(path, "UnstructuredGrid", "NumberOfCells")
+    types = _indices(piece, "Cells", "types", piece.cells, 256)
+    unknown = set(np.unique(types).tolist()) - set(_CORNERS)
+    if unknown or not piece.cells:
+        raise piece.error(
+            "Cells types", "cells, all hexahedra (12) or prisms (13)",
+            ", ".join(map(str, sorted(unknown))) or "none",
+        )  # fmt: skip
+    sizes = np.zeros(256, np.int64)
+    sizes[list(_CORNERS)] = list(_CORNERS.values())
+    _check_corners(piece, "Cells", sizes[types])
+    _check_points(piece)
+    _check_finite(piece, "CellData", "U", piece.decoded("CellData", "U", piece.cells, 3))
+    if "streamFunction" in piece.arrays("PointData"):
+        # One that is not finite is not used.
+        piece.decoded("PointData", "streamFunction", piece.points, 1)
+    _check_others(piece)
+
+
+class PatchPolygons(NamedTuple):
+    """points (P, 3); corners (K,) and their number per polygon (n,); U in them (n, 3), if given."""
+
+    points: NDArray[np.float64]
+    corners: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    velocity: NDArray[np.float64] | None
+
+
+def read_patch(path: Path) -> PatchPolygons:
+    """The polygons of a .vtp file; InputError unless it is whole, with a finite U if it has one."""
+    piece = _open(path, "PolyData", "NumberOfPolys")
+    offsets = _indices(piece, "Polys", "offsets", piece.cells, 2**40)
+    sizes = np.diff(offsets, prepend=0)
+    if np.any(sizes < 3):
+        raise piece.error("Polys offsets", "polygons of three corners or more", "less")
+    corners = _check_corners(piece, "Polys", sizes)
+    points, velocity = _check_points(piece), None
+    if "U" in piece.arrays("CellData"):
+        values = piece.decoded("CellData", "U", piece.cells, 3)
+        velocity = _check_finite(piece, "CellData", "U", values)
+    return PatchPolygons(points, corners, sizes, velocity)
+
+
+def _open(path: Path, kind: str, cells: str) -> _Piece:
+    """The piece in a VTKFile of this kind."""
+    data = read_bytes(path, _EXPECTED, MOST_CASE_FILE_BYTES)
+    # Entities can make a small file large, another encoding can hide them.
+    if b"<!" in data.replace(b"<!--", b"") or re.search(rb"encoding=(?!['\"]UTF-8)", data[:200]):
+        raise InputError(str(path), _EXPECTED, "declarations in the XML", REMEDY)
+    try:
+        root = _parse(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(str(path), _EXPECTED, f"broken XML: {error}", REMEDY) from None
+    pieces = root.findall(f"{kind}/Piece")
+    plain = root.get("byte_order") == "LittleEndian" and root.get("compressor") is None
+    if root.tag != "VTKFile" or root.get("type") != kind or len(pieces) != 1 or not plain:
+        found = f"{root.tag} of type {root.get('type')}, {len(pieces)} pieces"
+        raise InputError(
+            str(path), f"an uncompressed VTKFile of type {kind} with one piece", found, REMEDY
+        )
+    if root.get("header_type", "UInt32") not in ("UInt32", "UInt64"):
+        raise InputError(str(path), "header_type UInt32 or UInt64", "another", REMEDY)
+    counts = [pieces[0].get(name, "none") for name in ("NumberOfPoints", cells)]
+    for count in counts:
+        if not _COUNT.fullmatch(count):
+            raise InputError(f"{path}, Piece", "numbers of points and cells", count, REMEDY)
+    # The root is kept with the piece: it says how arrays are encoded.
+    pieces[0].set("header_type", root.get("header_type", "UInt32"))
+    return _Piece(path, pieces[0], int(counts[0]), int(counts[1]))
+
+
+def _parse(data: bytes) -> ElementTree.Element:
+    """The tree, refused while it is read once it is nested too deeply."""
+    root, depth = None, 0
+    events: Any = ElementTree.iterparse(io.BytesIO(data), ("start", "end"))
+    for event, element in events:
+        root = element if root is None else root
+        depth += 1 if event == "start" else -1
+        if depth > MOST_NESTING:
+            raise ValueError(f"elements nested more than {MOST_NESTING} deep")
+    if not isinstance(root, ElementTree.Element):
+        raise ValueError("no element")
+    return root
+
+
+def _decode(piece: _Piece, place: str, element: ElementTree.Element) -> NDArray[Any]:
+    """The numbers of an array, flat."""
+    kind, form, text = (
+        _TYPES.get(element.get("type", "")),
+        element.get("format"),
+        element.text or "",
+    )
+    if kind is None or form not in ("binary", "ascii"):
+        found = f"type {element.get('type')}, format {form}"
+        raise piece.error(place, "numbers, binary or ascii", found)
+    if form == "ascii":
+        try:
+            return np.array(text.split(), dtype=kind)
+        except (ValueError, OverflowError) as error:
+            raise piece.error(place, "numbers", str(error)) from None
+    try:
+        raw = base64.b64decode("".join(text.split()), validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise piece.error(place, "base64", str(error)) from None
+    header = 8 if piece.element.get("header_type") == "UInt64" else 4
+    size = int.from_bytes(raw[:header], "little")
+    if size != len(raw) - header or size % np.dtype(kind).itemsize:
+        raise piece.error(place, f"{size} bytes, as its header says", f"{len(raw) - header}")
+    return np.frombuffer(raw, kind, offset=header)
+
+
+def _indices(piece: _Piece, section: str, name: str, rows: int, below: int) -> NDArray[np.int64]:
+    """An array of whole numbers from 0 on, (rows,)."""
+    values = piece.decoded(section, name, rows, 1)[:, 0]
+    if values.dtype.kind not in "iu" or np.any((values < 0) | (values >= below)):
+        raise piece.error(f"{section} {name}", f"whole numbers from 0 to {below - 1}", "others")
+    return values.astype(np.int64)
+
+
+def _check_corners(piece: _Piece, section: str, sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Offsets are the sums of the cells' sizes, and corners are points, no cell has one twice."""
+    offsets = _indices(piece, section, "offsets", piece.cells, 2**40)
+    if not np.array_equal(offsets, np.cumsum(sizes)):
+        raise piece.error(f"{section} offsets", "the sums of the cells' corners", "others")
+    corners = _indices(piece, section, "connectivity", int(sizes.sum()), piece.points)
+    cell = np.repeat(np.arange(sizes.size), sizes)
+    order = np.lexsort((corners, cell))
+    twice = (np.diff(corners[order]) == 0) & (np.diff(cell[order]) == 0)
+    if twice.any():
+        where = cell[order][np.flatnonzero(twice)[0]]
+        raise piece.error(f"{section} connectivity", "cells whose corners differ", f"cell {where}")
+    return corners
+
+
+def _check_points(piece: _Piece) -> NDArray[np.float64]:
+    arrays = piece.arrays("Points")
+    if len(arrays) != 1:
+        raise piece.error("Points", "one array", f"{len(arrays)}")
+    name = next(iter(arrays))
+    return _check_finite(piece, "Points", name, piece.decoded("Points", name, piece.points, 3))
+
+
+def _check_finite(
+    piece: _Piece, section: str, name: str, values: NDArray[np.generic]
+) -> NDArray[np.float64]:
+    numbers = values.astype(np.float64)
+    bad = np.flatnonzero(~(np.abs(numbers) <= LARGEST_IN_A_CASE).all(axis=1))
+    if bad.size:
+        raise piece.error(
+            f"{section} {name}, entry {bad[0]}", f"finite numbers up to {LARGEST_IN_A_CASE:g}",
+            f"{numbers[bad[0]]} ({bad.size} such entries: NaN or infinite values, or huge ones)",
+        )  # fmt: skip
+    return numbers
+
+
+def _check_others(piece: _Piece) -> None:
+    """Every other array, which the libraries read as well, has the size that its place needs."""
+    for section, rows in (("CellData", piece.cells), ("PointData", piece.points)):
+        for name, element in piece.arrays(section).items():
+            width = element.get("NumberOfComponents", "1")
+            if not re.fullmatch(r"[1-9]", width):
+                raise piece.error(f"{section} {name}", "1 to 9 components", width)
+            piece.decoded(section, name, rows, int(width))

@@ -1,0 +1,42 @@
+"""Signals that ask a run to end are noticed between steps, so that a checkpoint comes first."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_CAUGHT = (signal.SIGTERM, signal.SIGINT)
+
+
+class Interruption:
+    """Which signal has asked the run to end: `signal` is 0 as long as none has."""
+
+    def __init__(self) -> None:
+        self.signal = 0
+
+    def note(self, number: int, _frame: FrameType | None) -> None:
+        """Remember a signal; whoever presses Ctrl-C twice does not want to wait."""
+        if self.signal == signal.SIGINT == number:
+            raise KeyboardInterrupt
+        self.signal = number
+
+
+@contextmanager
+def noticed() -> Iterator[Interruption]:
+    """Inside, SIGTERM and SIGINT are noted instead of obeyed.
+
+    Only the main thread of a program may do so; elsewhere nothing changes and none is ever noted.
+    """
+    asked = Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    before = {number: signal.signal(number, asked.note) for number in _CAUGHT}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,225 @@
+"""The folder of a run: who may write into it, run.toml, and the checkpoint that a run goes on from.
+
+Written so that a kill at any moment loses at most the work since the last checkpoint, and that the
+folder never holds a file that does not load.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import Arrays, cannot_write, whole_file, write_arrays
+from ellipsoid_coupling.inputs import exists, output_folder, read_arrays, read_text
+from ellipsoid_coupling.limits import MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
+
+RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
+
+# Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
+_WRITING_PART = 0.02
+_PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
+_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Where a run keeps its files, and how.
+
+    Attributes
+    ----------
+    path : Path
+    resume : bool
+        Go on from the checkpoint, bit for bit as if never stopped; from the start if there is none.
+    force : bool
+        Overwrite an earlier run in a folder that is not empty.
+    checkpoint_seconds : float
+        Between two checkpoints; a kill loses at most about so much work.
+    stop_after : float or None
+        Seconds after which the run writes a checkpoint and stops (RunError), to be resumed.
+    """
+
+    path: Path
+    resume: bool = False
+    force: bool = False
+    checkpoint_seconds: float = 15.0
+    stop_after: float | None = None
+
+    def check(self) -> None:
+        """Refuse, before anything is computed, what cannot become this run's folder.
+
+        Raises
+        ------
+        InputError
+            If the path is a file, cannot be written, or holds something already.
+        """
+        require_free(self.path, force=self.force or self.resume)
+
+    @contextmanager
+    def claimed(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[None]:
+        """Inside, the folder is this process's alone and holds the run.toml of this run.
+
+        Parameters
+        ----------
+        run, scene : mapping
+            The parts of run.toml that a resumed run must have in common with the one started.
+
+        Raises
+        ------
+        InputError
+            As `check`; or if another process works in the folder, or it holds another run.
+        """
+        self.check()
+        self.path.mkdir(parents=True, exist_ok=True)
+        handle = os.open(self.path, os.O_RDONLY)
+        try:
+            _lock(handle, self.path)
+            self.check()
+            if self.resume and exists(self.path / RUN_FILE):
+                self._require_same({"run": run, "scene": scene})
+            else:
+                self._begin({"run": run, "versions": _versions(), "scene": scene})
+            yield
+        finally:
+            os.close(handle)  # and with it the lock, which a kill releases as well
+
+    def _begin(self, table: Mapping[str, Any]) -> None:
+        for name in (RESULT_FILE, CHECKPOINT_FILE):
+            (self.path / name).unlink(missing_ok=True)
+        with whole_file(self.path / RUN_FILE) as file:
+            file.write_text(table_to_toml(table), encoding="utf-8")
+
+    def _require_same(self, wanted: Mapping[str, Any]) -> None:
+        file = self.path / RUN_FILE
+        before = read_run_file(file)
+        same = tomllib.loads(table_to_toml(wanted))
+        for part, values in same.items():
+            for key in sorted(set(values) | set(before.get(part, {}))):
+                old, new = before.get(part, {}).get(key), values.get(key)
+                if old != new:
+                    raise InputError(
+                        f"{file}, [{part}] {key}",
+                        f"the run that was started, {_short(old)}",
+                        _short(new),
+                        "Resume with the same settings, or use another --out.",
+                    )
+        if before.get("versions") != _versions():
+            raise InputError(
+                f"{file}, [versions]",
+                f"the versions that the run was started with, {_short(before.get('versions'))}",
+                _short(_versions()),
+                "Install those, or start again in another --out: it would not be the same bits.",
+            )
+
+    @property
+    def result(self) -> Path:
+        """result.nc."""
+        return self.path / RESULT_FILE
+
+    def save(self, arrays: Arrays) -> None:
+        """Write a checkpoint; the one before stays until it is whole."""
+        meta = json.dumps({"format": _FORMAT, "package": version("ellipsoid_coupling")})
+        write_arrays(self.path / CHECKPOINT_FILE, {"meta": np.array(meta), **arrays})
+
+    def load(self) -> Arrays | None:
+        """The arrays of the checkpoint; None if there is none yet.
+
+        Raises
+        ------
+        InputError
+            If it is damaged, or not a checkpoint of this package.
+        """
+        file = self.path / CHECKPOINT_FILE
+        if not self.resume or not exists(file):
+            return None
+        arrays = read_arrays(file, "a whole checkpoint", memory_limit())
+        try:
+            known = json.loads(str(arrays.pop("meta")))["format"] == _FORMAT
+        except (KeyError, ValueError, TypeError):
+            known = False
+        if not known:
+            raise InputError(
+                str(file), f"a checkpoint of format {_FORMAT}", "another file", "Start again."
+            )
+        return arrays
+
+    def clear(self) -> None:
+        """Remove the checkpoint of a run that has ended."""
+        (self.path / CHECKPOINT_FILE).unlink(missing_ok=True)
+
+
+class Keeper:
+    """Decides when the next checkpoint is due: by its interval, and by what writing one costs."""
+
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._next = time.perf_counter() + interval
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time."""
+        return time.perf_counter() >= self._next
+
+    def written(self, started: float) -> None:
+        """A checkpoint was begun at `started` (of perf_counter) and is written now."""
+        now = time.perf_counter()
+        pause = self._interval if self._interval == 0.0 else (now - started) / _WRITING_PART
+        self._next = now + max(self._interval, pause)
+
+
+def require_free(path: Path, *, force: bool) -> None:
+    """Refuse an output folder that is a file, cannot be written, or holds something (unless forced).
+
+    Raises
+    ------
+    InputError
+    """
+    output_folder(path)
+    held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
+    if held and not force:
+        shown = ", ".join(held[:3]) + (", ..." if len(held) > 3 else "")
+        raise InputError(
+            f"--out {path}",
+            "a new or empty folder",
+            f"one that holds {shown}",
+            "Choose another --out, or overwrite with --force (a run: continue with --resume).",
+        )
+
+
+def read_run_file(file: Path) -> dict[str, Any]:
+    """The tables of a run.toml; InputError where it is none."""
+    text = read_text(file, "the run.toml of a run", MOST_SCENE_BYTES)
+    return parse_toml(text, str(file))
+
+
+def _lock(handle: int, path: Path) -> None:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            f"--out {path}", "a folder that no other run uses", "one in use by a running process",
+            "Wait for it to end, or choose another --out.",
+        ) from None  # fmt: skip
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in _PACKAGES}
+
+
+def _short(value: object) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,88 @@
+"""One look over all cells or particles, for the monitors: sums and extremes in one pass over memory."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
+from ellipsoid_coupling.schemes.grid import GHOSTS
+
+Floats = NDArray[np.float64]
+
+# A sum, the least density, the sums of rho |v|^2 and of rho omega^2.
+_MASS, _LEAST, _MOTION, _SPIN = range(4)
+
+
+@parallel_kernel
+def _survey(fields: Floats, first: int, planes: int, rows: Floats) -> None:
+    components, ny = fields.shape[0], fields.shape[2] - 2 * GHOSTS
+    for task in numba.prange(planes * ny):
+        a, j = first + task // ny, task % ny + GHOSTS
+        mass, least, motion, spin = 0.0, np.inf, 0.0, 0.0
+        for i in range(GHOSTS, fields.shape[3] - GHOSTS):
+            rho = fields[DENSITY, a, j, i]
+            share = 0.0 if rho == 0.0 else 1.0 / rho
+            x, y = fields[1, a, j, i], fields[2, a, j, i]
+            mass += rho
+            least = min(least, rho)
+            motion += (x * x + y * y) * share
+            if components > 3:
+                turn = fields[components - 1, a, j, i]
+                spin += turn * turn * share
+        rows[task, _MASS], rows[task, _LEAST] = mass, least
+        rows[task, _MOTION], rows[task, _SPIN] = motion, spin
+
+
+def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
+    """The density's sum and least value, and the root mean squares of v and omega.
+
+    Parameters
+    ----------
+    fields : (K, ny + 4, nx + 4) or (K, na + 4, ny + 4, nx + 4) float64, contiguous
+        Padded conserved fields: density, both momenta and, if K > 3, the angular momentum last.
+    """
+    first = GHOSTS if fields.ndim == 4 else 0
+    planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
+    count = planes.shape[1] - 2 * first
+    rows = np.empty((count * (planes.shape[2] - 2 * GHOSTS), 4))
+    _survey(planes, first, count, rows)
+    mass, motion, spin = (float(rows[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
+    if not mass > 0.0:
+        return mass, float(rows[:, _LEAST].min()), (0.0, 0.0)
+    return mass, float(rows[:, _LEAST].min()), (math.sqrt(motion / mass), math.sqrt(spin / mass))
+
+
+@kernel
+def survey_particles(velocity: Floats, force: Floats, out: Floats) -> None:
+    """Root mean squares of v and omega and the largest forces of all particles.
+
+    Parameters
+    ----------
+    velocity, force : (R, D, N) float64
+    out : (4,)
+        Overwritten: v, omega, the largest |F_x| or |F_y|, the largest |F_bar|.
+    """
+    out[:] = 0.0
+    count = velocity.shape[0] * velocity.shape[2]
+    for k in range(velocity.shape[0]):
+        for d in range(velocity.shape[1]):
+            kind = 1 if d == 2 else 0
+            square, largest = 0.0, 0.0
+            for i in range(velocity.shape[2]):
+                square += velocity[k, d, i] * velocity[k, d, i]
+                largest = max(largest, abs(force[k, d, i]))
+            out[kind] += square / count
+            out[2 + kind] = max(out[2 + kind], largest)
+    out[0], out[1] = math.sqrt(out[0]), math.sqrt(out[1])
+
+
+def largest_magnitude(values: NDArray[np.floating] | None) -> float:
+    """The largest absolute value of an array; 0 for None or none."""
+    if values is None or values.size == 0:
+        return 0.0
+    return max(float(values.max()), -float(values.min()))

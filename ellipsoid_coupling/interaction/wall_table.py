@@ -82,10 +82,13 @@ class WallTable:
         """
         index, at = np.broadcast_arrays(distance_index, angle)
         felt = index < self.depth
-        out = np.zeros((2, index.size))
-        rows = np.where(felt, index, 0).astype(np.int64).ravel()
-        _look_up_all(self.entries, rows, np.ascontiguousarray(at, dtype=np.float64).ravel(), out)
-        out = out.reshape(2, *index.shape) * felt
+        out = np.zeros((2, *index.shape))
+        # A wall that reaches less than a cell has no rows to look up in.
+        values = np.zeros((2, int(np.count_nonzero(felt))))
+        _look_up_all(
+            self.entries, index[felt].astype(np.int64), at[felt].astype(np.float64), values
+        )
+        out[:, felt] = values
         return out[NORMAL], out[TORQUE]
 
     def add_to(self, forces: Forces, density: Array, angle: Array) -> None:

@@ -111,8 +111,9 @@ class QEquation:
         return self.stepper.largest_step
 
     def try_step(self, dt: float) -> bool:
-        """Step by dt; never refused, since the allowed step counts the acceleration in."""
-        self.stepper.step(dt, int(self.clock[0, STEPS]))
+        """Step by dt; False, with all as before, if the stepper finds that it was too long."""
+        if not self.stepper.step(dt, int(self.clock[0, STEPS])):
+            return False
         if self._crossing is not None:
             self._crossing.look(self.system.fields, self.grid.plane.cell, self.time + dt)
         return True

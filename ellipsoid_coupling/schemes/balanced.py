@@ -45,6 +45,8 @@ Floats = NDArray[np.float64]
 # Work from centre to centre beyond this, in units of the temperature, acts as a plain force: there
 # one cell's equilibrium says nothing about its neighbour.
 _STEEPEST = 4.0
+# A step whose outcome allows less than this part of it was itself too long.
+_SHORTEST_NEXT = 0.25
 
 
 class BalancedHeun:
@@ -80,20 +82,29 @@ class BalancedHeun:
             # holds velocities, dt (distance/step + pull/Gamma) = distance.
             speed = distance / steps[d] if steps[d] > 0.0 else np.inf
             pull, damping = float(self.memory[d]), rates[d]
-            root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
+            root = speed + math.hypot(speed, math.sqrt(2.0 * pull * distance))
             held = speed + (pull / damping if damping > 0.0 else np.inf)
             shortened = 2.0 * distance / root if root > 0.0 else np.inf
             steps[d] = max(shortened, distance / held) if held > 0.0 else shortened
         return shorter((min(steps[:2]), steps[2]))
 
-    def step(self, dt: float, count: int) -> None:
-        """See the module."""
+    def step(self, dt: float, count: int) -> bool:
+        """See the module; refused if what it leads to allows only a far shorter one.
+
+        A cell that the first stage all but empties keeps a momentum for the second.
+        """
+        system = self._system
+        before = system.fields.copy(), system.left.copy(), self.memory.copy(), system.extents
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
-        axes = self._system.axes
+        axes = system.axes
         for axis in axes if count % 2 == 0 else axes[::-1]:
             self._step_along(axis, self._work(axis, potential), dt)
-        self._system.look_for_mass()
+        system.look_for_mass()
+        if self.largest_step[0] >= _SHORTEST_NEXT * dt:
+            return True
+        system.fields[:], system.left[:], self.memory[:], system.extents = before
+        return False
 
     def _potential(self, ahead: float) -> Floats | None:
         """U * q, (n, ny, nx), of the density `ahead` of now; None without interaction."""
@@ -290,3 +301,7 @@ def _combine(
             for k in range(fields.shape[0]):
                 new[k, p] = 0.5 * (old[k, p] + new[k, p])
             new[normal, p] = m1 + second * change
+            if new[Q, p] <= vacuum:
+                # A mean of mass and vacuum never gets there by itself; its velocity is any.
+                for k in range(fields.shape[0]):
+                    new[k, p] = 0.0

@@ -134,8 +134,8 @@ class QStepper(Protocol):
         """The step that the CFL number allows now, and its reason; 0 if not finite any more."""
         ...
 
-    def step(self, dt: float, count: int) -> None:
-        """Step number `count` by dt, in place."""
+    def step(self, dt: float, count: int) -> bool:
+        """Step number `count` by dt, in place; False, with all as before, if it was too long."""
         ...
 
 
@@ -169,8 +169,8 @@ class Godunov(_Forced):
 
     order: ClassVar[int] = 1
 
-    def step(self, dt: float, count: int) -> None:
-        """Transport, then sources at the new density."""
+    def step(self, dt: float, count: int) -> bool:
+        """Transport, then sources at the new density; never refused."""
         del count
         system = self._system
         flux = Force(system.pressure)
@@ -180,6 +180,7 @@ class Godunov(_Forced):
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
         self._allowed = step_implicitly(*here, dt, system.limits())
+        return True
 
 
 class KickDriftKick(_Forced):
@@ -191,8 +192,11 @@ class KickDriftKick(_Forced):
 
     order: ClassVar[int] = 2
 
-    def step(self, dt: float, count: int) -> None:
-        """Directions change order from step to step (`count`), so that none is preferred."""
+    def step(self, dt: float, count: int) -> bool:
+        """Directions change order from step to step (`count`), so that none is preferred.
+
+        Never refused: the allowed step counts the acceleration in, and flights empty no cell.
+        """
         system = self._system
         flux = Ballistic()
         kick_exactly(system.fields, system.extents, system.terms, self.forces, 0.5 * dt)
@@ -202,3 +206,4 @@ class KickDriftKick(_Forced):
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
         self._allowed = kick_exactly(*here, 0.5 * dt, system.limits())
+        return True

@@ -228,3 +228,12 @@ def test_bad_walls_are_refused() -> None:
         Walls(unit, ALL, LENGTH, shape, 1.0, 0)
     with pytest.raises(InputError, match="matched or paper"):
         Walls(unit, ALL, LENGTH, shape, 1.0, 10, 10.0, cast("Literal['paper']", "none"))
+
+
+def test_walls_out_of_reach_push_nothing() -> None:
+    """Cells wider than the potential's reach: a table without rows, of which none is read."""
+    table = make_walls(("left",)).table(1.0)
+    assert table.depth == 0
+    force, torque = table.force(np.zeros(3, np.int64), np.array([0.0, 1.0, 2.0]))
+    assert not force.any()
+    assert not torque.any()

@@ -6,7 +6,8 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from ellipsoid_coupling.compare.stability.cases import CASES, Case
+from ellipsoid_coupling.compare.stability.case import Case
+from ellipsoid_coupling.compare.stability.cases import CASES
 from ellipsoid_coupling.compare.stability.examine import Field, examine
 from ellipsoid_coupling.models import SCHEMES, model_names
 from ellipsoid_coupling.simulation import Report

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ellipsoid_coupling.compare.stability.cases import Case, Table
+from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import distances
 from ellipsoid_coupling.compare.stability.watch import Outcome, Run, run_case
 from ellipsoid_coupling.models import SchemeName
@@ -105,7 +105,9 @@ def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Fie
     if not case.suits(model):
         return [Field(case.family, case.value, model, s, "not applicable") for s in schemes]
     runs = {scheme: run_case(case, model, scheme) for scheme in schemes}
-    if all(run.outcome == "refused" for run in runs.values()):
+    if not case.reference:
+        reference, words = None, "none: it would take too long"
+    elif all(run.outcome == "refused" for run in runs.values()):
         reference, words = None, ""
     else:
         finer, words = _finer(case, model)

@@ -13,11 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from ellipsoid_coupling.compare.stability.cases import Case, Table
+from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import Shape, shape_of
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.kernels import CompileTimer
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
+from ellipsoid_coupling.monitors import Monitors
 from ellipsoid_coupling.scenes import Scene, terms_of
 
 Outcome = Literal["completed", "broken", "stopped", "refused", "not applicable"]
@@ -103,9 +104,14 @@ def _watched(
         built = build_model(model, setup)
     except InputError as error:
         return Run("refused", str(error), None)
+    if case.background and built.layout != "particles":
+        fields = built.state()["fields"].copy()
+        fields[0] += case.background
+        built.restore({"fields": fields})
     watch = _Watch(built, scene, terms.reflection)
+    monitors = Monitors(model, setup, built)
     most = round(how[1] * MOST_STEPS[built.layout])
-    outcome, reason = _advance(built, scene, watch, most)
+    outcome, reason = _advance(built, scene, (watch, monitors), most)
     exhausted = reason.startswith(_EXHAUSTED)
     shape = shape_of(built, scene)
     if outcome == "completed" and not shape.finite:
@@ -114,12 +120,16 @@ def _watched(
     return Run(outcome, reason, shape, watch.drift, watch.least, counts, exhausted, built.time)
 
 
-def _advance(model: Model, scene: Scene, watch: _Watch, most: int) -> tuple[Outcome, str]:
+def _advance(
+    model: Model, scene: Scene, watches: tuple[_Watch, Monitors], most: int
+) -> tuple[Outcome, str]:
+    watch, monitors = watches
     try:
         for until in scene.times:
             while model.time < until:
                 model.advance(until)
                 watch.look()
+                monitors.look(model)
                 counts = model.counts()
                 taken = counts["steps"] + counts.get("rejected_steps", 0.0)
                 if taken > most:

@@ -1,0 +1,148 @@
+"""A case of the stability map: a change of one small scene.
+
+The small scene is a box with walls and a rigid rotation: 40 particles in 2 realisations, 12 x 12
+cells and 16 angles, t = 2, so that the whole map takes some minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ellipsoid_coupling.flow import FlowField, analytic_flow
+from ellipsoid_coupling.flow.analytic import LinearFlow, linear_flow
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.files import scene_from_table
+
+Table = dict[str, Any]
+
+HALF = 0.5
+REACH = 2.0 * math.sqrt(2.0) * 0.1
+
+SMALL: Table = {
+    "name": "small",
+    "times": [2.0],
+    "domain": {"x": [-HALF, HALF], "y": [-HALF, HALF], "boundary": "reflecting"},
+    "particles": {
+        "length": 0.1,
+        "width": 0.05,
+        "mass": 1.0,
+        "inertia": 1e-2,
+        "number": 40,
+        "realisations": 2,
+    },
+    "start": {"x": [-0.25, 0.25], "y": [-0.25, 0.25], "angle": 0.0},
+    "flow": {"source": "closed_form", "field": "rotation", "drag": 10.0, "angular_drag": 10.0},
+    "interaction": {"strength": 0.1},
+    "walls": {},
+    "numerics": {
+        "cell": 1.0 / 12,
+        "angle_cells": 16,
+        "time_step": 0.01,
+        "harmonics_tolerance": 2e-2,
+    },
+}
+# What a stationary state cannot have is taken out for it.
+STATIONARY: Table = {
+    "flow": None,
+    "walls": None,
+    "noise": None,
+    "outer_potential.stiffness": 10.0,
+    "particles.inertia": 1.0,
+}
+# All that a model without time and fluid knows of.
+_TIMELESS = ("as it is", "aspect ratio", "eps0", "domain")
+# Without these there is no diffusive limit.
+_DRAGS = ("flow", "flow.drag", "flow.angular_drag")
+_NOTHING = (None, 0.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the map.
+
+    Attributes
+    ----------
+    family, value : str
+        What is varied, and to what.
+    settings : dict
+        Dotted keys of the scene; the value None takes a part out.
+    gradient : float
+        The flow is so many times as fast.
+    models : tuple of str
+        Only these; empty for all.
+    thin : bool
+        Belongs to the thinned map (`--quick`, tests).
+    creeping_end : float
+        The end time of the diffusive limit, where speeds go like the force itself and not like its
+        root; 0 for that of all.
+    background : float
+        This density is added in all cells of a grid.
+    reference : bool
+        False where a finer run would take too long.
+    """
+
+    family: str
+    value: str
+    settings: Table
+    gradient: float = 1.0
+    models: tuple[str, ...] = ()
+    thin: bool = False
+    creeping_end: float = 0.0
+    background: float = 0.0
+    reference: bool = True
+
+    @property
+    def name(self) -> str:
+        """What is varied, and to what."""
+        return f"{self.family} {self.value}"
+
+    def suits(self, model: str) -> bool:
+        """Whether the case means anything to the model."""
+        if model == "stationary_state" and self.family not in _TIMELESS:
+            return False
+        if model == "diffusive" and any(self.settings.get(key, 1.0) in _NOTHING for key in _DRAGS):
+            return False
+        return not self.models or model in self.models
+
+    def scene(self, model: str, finer: Table | None = None) -> Scene:
+        """The small scene with this case's changes, for one model.
+
+        Raises
+        ------
+        InputError
+            Where the changes are no scene: what starts outside, for one.
+        """
+        table: Table = {k: dict(v) if isinstance(v, dict) else v for k, v in SMALL.items()}
+        own = STATIONARY if model == "stationary_state" else {}
+        if model == "diffusive" and self.creeping_end:
+            own = {"times": [self.creeping_end]}
+        for key, value in (self.settings | own | (finer or {})).items():
+            _apply(table, key, value)
+        return scene_from_table(table, f"case {self.name}")
+
+    def flow(self, scene: Scene) -> FlowField | None:
+        """The scene's flow, faster where the case asks for it."""
+        if scene.flow is None:
+            return None
+        if self.gradient == 1.0:
+            return analytic_flow(scene.flow.field)
+        return linear_flow(_FAST[scene.flow.field](self.gradient))
+
+
+_FAST = {
+    "rotation": lambda g: LinearFlow(0.0, g, -g, f"u = {g:g} (y, -x)"),
+    "shear": lambda g: LinearFlow(0.0, g, 0.0, f"u = {g:g} (y, 0)"),
+    "top_bottom": lambda g: LinearFlow(-g, 0.0, 0.0, f"u = {g:g} (-x, y)"),
+}
+
+
+def _apply(table: Table, key: str, value: object) -> None:
+    *sections, last = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+    if value is None:
+        table.pop(last, None)
+    else:
+        table[last] = value

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.interaction.cells import RECORD, Sources, cell_index, gather
-from ellipsoid_coupling.interaction.pairs import Pairs, sum_over_sources
+from ellipsoid_coupling.interaction.cells import Sources, cell_index, gather
+from ellipsoid_coupling.interaction.pairs import Pairs, scratch, sum_over_sources
 from ellipsoid_coupling.kernels import kernel
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
         Per mass and per inertia.
     """
     grid = pairs.grid
-    buffer = np.empty((RECORD, ghosts.records.shape[0]))
+    buffer, given = scratch(ghosts)
     gathered, count = -1, 0
     force_weight = pairs.force_weight * pairs.ghost_factor
     for i in range(place.shape[1]):
@@ -47,7 +47,7 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
         if count > 0:
             double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0
             target = (place[0, i], place[1, i], math.cos(double), math.sin(double))
-            gx, gy, slope = sum_over_sources(target, buffer, count, pairs.shape)
+            gx, gy, slope = sum_over_sources(target, buffer, count, given, pairs.shape)
             force[0, i] -= force_weight * gx
             force[1, i] -= force_weight * gy
             _add_torque(force, i, pairs.ghost_factor * slope, pairs.torque_weight)

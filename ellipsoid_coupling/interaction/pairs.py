@@ -69,22 +69,55 @@ class RowSums(NamedTuple):
 
 
 @kernel
+def sum_in_lanes(values: Floats) -> float:
+    """The sum of an array in eight interleaved parts, in a fixed order.
+
+    One running sum would wait for each addition, and a compiler that may reorder it rounds as it
+    likes.
+    """
+    s0, s1, s2, s3, s4, s5, s6, s7, rest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    end = values.size - values.size % 8
+    for j in range(0, end, 8):
+        s0 += values[j]
+        s1 += values[j + 1]
+        s2 += values[j + 2]
+        s3 += values[j + 3]
+        s4 += values[j + 4]
+        s5 += values[j + 5]
+        s6 += values[j + 6]
+        s7 += values[j + 7]
+    for j in range(end, values.size):
+        rest += values[j]
+    return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + rest
+
+
+@kernel
+def scratch(sources: Sources) -> tuple[Floats, Floats]:
+    """For `gather` and `sum_over_sources`: a buffer (4, n) and what it gives (3, n)."""
+    count = sources.records.shape[0]
+    return np.empty((RECORD, count)), np.empty((3, count))
+
+
+@kernel
 def sum_over_sources(
-    target: tuple[float, float, float, float], buffer: Floats, count: int, shape: PotentialShape
+    target: tuple[float, float, float, float],
+    buffer: Floats,
+    count: int,
+    given: Floats,
+    shape: PotentialShape,
 ) -> tuple[float, float, float]:
-    """Sum of dU/dx, dU/dy, dU/dtheta (over eps0) of one target (x, y, c2, s2) with the buffer."""
+    """Sum of dU/dx, dU/dy, dU/dtheta (over eps0) of one target (x, y, c2, s2) with the buffer.
+
+    given : (3, count or more), scratch.
+    """
     x, y, c2, s2 = target
-    sum_x = 0.0
-    sum_y = 0.0
-    sum_theta = 0.0
+    other_x, other_y, other_c2, other_s2 = buffer[X], buffer[Y], buffer[C2], buffer[S2]
+    by_x, by_y, by_theta = given[0, :count], given[1, :count], given[2, :count]
     for j in range(count):
-        _, gradient_x, gradient_y, slope = pair_potential(
-            buffer[X, j] - x, buffer[Y, j] - y, c2, s2, buffer[C2, j], buffer[S2, j], shape
+        _, by_x[j], by_y[j], by_theta[j] = pair_potential(
+            other_x[j] - x, other_y[j] - y, c2, s2, other_c2[j], other_s2[j], shape
         )
-        sum_x += gradient_x
-        sum_y += gradient_y
-        sum_theta += slope
-    return sum_x, sum_y, sum_theta
+    return sum_in_lanes(by_x), sum_in_lanes(by_y), sum_in_lanes(by_theta)
 
 
 @kernel
@@ -92,30 +125,28 @@ def _meet(
     target: tuple[float, float, float, float],
     others: tuple[Floats, Floats, Floats, Floats],
     felt: tuple[Floats, Floats, Floats],
+    given: tuple[Floats, Floats, Floats],
     shape: PotentialShape,
 ) -> tuple[float, float, float]:
     """The sums of one target over the others (n,) each; adds what they feel in turn."""
     x, y, c2, s2 = target
     other_x, other_y, other_c2, other_s2 = others
     felt_x, felt_y, felt_theta = felt
-    sum_x = 0.0
-    sum_y = 0.0
-    sum_theta = 0.0
+    by_x, by_y, by_theta = given
     for j in range(other_x.size):
-        _, gradient_x, gradient_y, slope, slope_bar = pair_terms(
+        _, by_x[j], by_y[j], by_theta[j], slope_bar = pair_terms(
             other_x[j] - x, other_y[j] - y, c2, s2, other_c2[j], other_s2[j], shape
         )
-        sum_x += gradient_x
-        sum_y += gradient_y
-        sum_theta += slope
-        felt_x[j] -= gradient_x
-        felt_y[j] -= gradient_y
+        felt_x[j] -= by_x[j]
+        felt_y[j] -= by_y[j]
         felt_theta[j] += slope_bar
-    return sum_x, sum_y, sum_theta
+    return sum_in_lanes(by_x), sum_in_lanes(by_y), sum_in_lanes(by_theta)
 
 
 @kernel
-def _meet_the_rest(t: int, count: int, buffer: Floats, felt: Floats, shape: PotentialShape) -> None:
+def _meet_the_rest(
+    t: int, count: int, buffer: Floats, felt: Floats, given: Floats, shape: PotentialShape
+) -> None:
     """Pairs of the buffer's particle t with those behind it, up to `count`."""
     rest = t + 1
     sum_x, sum_y, sum_theta = _meet(
@@ -127,6 +158,7 @@ def _meet_the_rest(t: int, count: int, buffer: Floats, felt: Floats, shape: Pote
             buffer[S2, rest:count],
         ),
         (felt[0, rest:count], felt[1, rest:count], felt[2, rest:count]),
+        (given[0, rest:count], given[1, rest:count], given[2, rest:count]),
         shape,
     )
     felt[0, t] += sum_x
@@ -165,11 +197,11 @@ def _add_cell(
     row: int,
     sources: Sources,
     pairs: Pairs,
-    work: tuple[Floats, Floats, Integers],
+    work: tuple[Floats, Floats, Floats, Integers],
     sums: RowSums,
 ) -> None:
     """All pairs of a cell's particles with each other and those behind them."""
-    buffer, felt, runs = work
+    buffer, felt, given, runs = work
     here, _ = _runs(cell, row, sources, pairs.grid, runs)
     count = 0
     for r in range(here):
@@ -178,7 +210,7 @@ def _add_cell(
         for j in range(count):
             felt[k, j] = 0.0
     for t in range(sources.first[cell + 1] - sources.first[cell]):
-        _meet_the_rest(t, count, buffer, felt, pairs.shape)
+        _meet_the_rest(t, count, buffer, felt, given, pairs.shape)
     count = 0
     for r in range(here):
         begin, end = runs[r]
@@ -195,24 +227,25 @@ def _add_ghosts(
     row: int,
     sources: Sources,
     pairs: Pairs,
-    buffer: Floats | None,
+    work: tuple[Floats, Floats] | None,
     sums: RowSums,
 ) -> None:
     """What the walls' ghosts do to a cell's particles."""
-    if ghosts is not None and buffer is not None:
+    if ghosts is not None and work is not None:
+        buffer, given = work
         count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, buffer)
         for t in range(sources.first[cell], sources.first[cell + 1] if count > 0 else 0):
             x, y, c2, s2 = sources.records[t]
-            found = sum_over_sources((x, y, c2, s2), buffer, count, pairs.shape)
+            found = sum_over_sources((x, y, c2, s2), buffer, count, given, pairs.shape)
             for k in range(3):
                 sums.own[t, k] += pairs.ghost_factor * found[k]
 
 
 @kernel
-def _ghost_buffer(ghosts: Sources | None) -> Floats | None:
+def _ghost_work(ghosts: Sources | None) -> tuple[Floats, Floats] | None:
     if ghosts is None:
         return None
-    return np.empty((RECORD, ghosts.records.shape[0]))
+    return scratch(ghosts)
 
 
 @kernel
@@ -238,13 +271,13 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             most = max(most, _runs(cell, row, sources, grid, runs)[1])
-    work = np.empty((RECORD, most)), np.empty((3, most)), runs
-    ghost_buffer = _ghost_buffer(pairs.ghosts)
+    work = np.empty((RECORD, most)), np.empty((3, most)), np.empty((3, most)), runs
+    ghost_work = _ghost_work(pairs.ghosts)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             if first[cell] < first[cell + 1]:
                 _add_cell(cell, row, sources, pairs, work, sums)
-                _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_buffer, sums)
+                _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_work, sums)
     return sums
 
 

@@ -22,7 +22,7 @@ from ellipsoid_coupling.interaction.cells import (
     sort_by_cell,
 )
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.pairs import sum_over_sources
+from ellipsoid_coupling.interaction.pairs import scratch, sum_over_sources
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
 
@@ -91,7 +91,7 @@ def _sum_row(
     begin = row * grid.columns
     if own.first[begin] == own.first[begin + grid.columns]:
         return
-    buffer = np.empty((4, own.records.shape[0]))
+    buffer, given = scratch(own)
     for column in range(grid.columns):
         cell = begin + column
         if own.first[cell] == own.first[cell + 1]:
@@ -100,4 +100,6 @@ def _sum_row(
         for t in range(own.first[cell], own.first[cell + 1]):
             here = own.records[t]
             target = (here[X], here[Y], here[C2], here[S2])
-            sums[0, t], sums[1, t], sums[2, t] = sum_over_sources(target, buffer, count, shape)
+            sums[0, t], sums[1, t], sums[2, t] = sum_over_sources(
+                target, buffer, count, given, shape
+            )

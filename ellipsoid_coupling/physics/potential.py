@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.kernels import fused, inline_kernel
 
 # exp(-s/(1-s)) is below 1e-300 beyond this s, so clamping changes nothing and spares a branch.
 LARGEST_S = 0.9985
@@ -74,17 +74,19 @@ def exp_of_negative(x: float) -> float:
     (remainder 2e-16) in parts that the processor adds up side by side, and 2^n written into the
     exponent bits.
     """
-    n: float = np.floor(x * LOG2_E + 0.5)
-    r = x - n * LN2_HIGH - n * LN2_LOW
+    n: float = np.floor(fused(x, LOG2_E, 0.5))
+    r = fused(n, -LN2_LOW, fused(n, -LN2_HIGH, x))
     r2 = r * r
-    low = (1.0 + r) + r2 * (0.5 + r * (1.0 / 6.0))
-    middle = (1.0 / 24.0 + r * (1.0 / 120.0)) + r2 * (1.0 / 720.0 + r * (1.0 / 5040.0))
-    high = (1.0 / 40320.0 + r * (1.0 / 362880.0)) + r2 * (1.0 / 3628800.0 + r * (1.0 / 39916800.0))
+    low = fused(r2, fused(r, 1.0 / 6.0, 0.5), 1.0 + r)
+    middle = fused(r2, fused(r, 1.0 / 5040.0, 1.0 / 720.0), fused(r, 1.0 / 120.0, 1.0 / 24.0))
+    high = fused(
+        r2, fused(r, 1.0 / 39916800.0, 1.0 / 3628800.0), fused(r, 1.0 / 362880.0, 1.0 / 40320.0)
+    )
     r4 = r2 * r2
-    high += r4 * (1.0 / 479001600.0)
+    high = fused(r4, 1.0 / 479001600.0, high)
     bits = np.float64(n + TO_LOW_BITS).view(np.int64)
     power: float = np.int64((bits + 1023) << 52).view(np.float64)
-    return power * (low + r4 * (middle + r4 * high))
+    return power * fused(r4, fused(r4, high, middle), low)
 
 
 @inline_kernel
@@ -115,13 +117,13 @@ def pair_terms(
     # sums: (1 - lambda)(1 + lambda) + lambda^2 sin^2 Delta, (1 - lambda) delta + lambda (delta - ...).
     blunt, half = shape.bluntness, 0.5 * factor
     c, s = c2 + c2b, s2 + s2b
-    mx = blunt * dx + factor * (dx - 0.5 * (c * dx + s * dy))
-    my = blunt * dy + factor * (dy - 0.5 * (s * dx - c * dy))
-    askew = (c2 - c2b) * (c2 - c2b) + (s2 - s2b) * (s2 - s2b)
-    inverse_kappa = blunt * (1.0 + factor) + half * half * askew
+    mx = fused(blunt, dx, factor * fused(-0.5, fused(c, dx, s * dy), dx))
+    my = fused(blunt, dy, factor * fused(-0.5, fused(s, dx, -c * dy), dy))
+    askew = fused(c2 - c2b, c2 - c2b, (s2 - s2b) * (s2 - s2b))
+    inverse_kappa = fused(half * half, askew, blunt * (1.0 + factor))
     d = size * inverse_kappa
     # Rounding in cos and sin may leave a needle's s below 0.
-    q = max(dx * mx + dy * my, 0.0)
+    q = max(fused(dx, mx, dy * my), 0.0)
     inside = 1.0 if q < LARGEST_S * d else 0.0
     q = min(q, LARGEST_S * d)
     rest = d - q
@@ -133,11 +135,13 @@ def pair_terms(
     steep = d * over * over
     slope = 2.0 * potential * steep
     # kappa_theta/kappa = -kappa lambda^2 sin 2 Delta; s_theta has a part of kappa and one of M.
-    turning = -kappa * factor * factor * (s2 * c2b - c2 * s2b) * potential * (0.5 - q * steep)
-    product, difference = dx * dy, 0.5 * (dx * dx - dy * dy)
+    turning = (
+        -kappa * factor * factor * fused(s2, c2b, -c2 * s2b) * potential * fused(-q, steep, 0.5)
+    )
+    product, difference = dx * dy, 0.5 * fused(dx, dx, -dy * dy)
     arm = slope * factor
-    torque = arm * (c2 * product - s2 * difference) + turning
-    torque_bar = arm * (c2b * product - s2b * difference) - turning
+    torque = fused(arm, fused(c2, product, -s2 * difference), turning)
+    torque_bar = fused(arm, fused(c2b, product, -s2b * difference), -turning)
     return potential, slope * mx, slope * my, torque, torque_bar
 
 

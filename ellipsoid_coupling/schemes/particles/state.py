@@ -88,11 +88,11 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
 @kernel
 def all_finite(place: Floats) -> bool:
     """Whether a (D, N) array holds neither NaN nor infinity."""
-    total = 0.0
+    bad = 0
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
-            total += 0.0 * place[d, i]
-    return total == 0.0
+            bad += 0.0 * place[d, i] != 0.0
+    return bad == 0
 
 
 @kernel

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+
 
 class EllipsoidError(Exception):
     """Any failure that the package reports in words rather than by a traceback."""
@@ -59,3 +62,12 @@ class Interrupted(EllipsoidError):
         if number:
             self.exit_status = 128 + number
         super().__init__(message)
+
+
+def run_in_words(main: Callable[[], object]) -> None:
+    """Run a script; what the package reports goes to standard error, with its exit status."""
+    try:
+        main()
+    except EllipsoidError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(error.exit_status)

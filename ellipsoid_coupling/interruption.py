@@ -34,7 +34,9 @@ def noticed() -> Iterator[Interruption]:
     if threading.current_thread() is not threading.main_thread():
         yield asked
         return
-    before = {number: signal.signal(number, asked.note) for number in _CAUGHT}
+    # What is ignored stays so: SIGINT in the background of a shell.
+    caught = [number for number in _CAUGHT if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, asked.note) for number in caught}
     try:
         yield asked
     finally:

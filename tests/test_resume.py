@@ -8,7 +8,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -196,8 +196,20 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
     assert left == {"run.toml", "result.nc"}
 
 
+@pytest.fixture
+def obeyed() -> Iterator[Callable[..., Any]]:
+    """Both signals end the process, as in a terminal; a shell's background ignores SIGINT."""
+    handler = signal.default_int_handler
+    before = {number: signal.signal(number, handler) for number in (signal.SIGTERM, signal.SIGINT)}
+    yield handler
+    for number, old in before.items():
+        signal.signal(number, old)
+
+
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-def test_a_signal_writes_a_checkpoint_first(number: int, status: int, tmp_path: Path) -> None:
+def test_a_signal_writes_a_checkpoint_first(
+    number: int, status: int, tmp_path: Path, obeyed: Callable[..., Any]
+) -> None:
     """An hour between checkpoints, so that the one found is the signal's."""
     scene = ec.load_scene("stationary", SETTINGS)
 
@@ -215,7 +227,7 @@ def test_a_signal_writes_a_checkpoint_first(number: int, status: int, tmp_path: 
         )
     assert caught.value.exit_status == status
     assert (tmp_path / CHECKPOINT_FILE).is_file()
-    assert signal.getsignal(number) not in (None, signal.SIG_IGN)
+    assert signal.getsignal(number) is obeyed
     resumed = ec.simulate(scene, "microscopic", seed=3, folder=RunFolder(tmp_path, resume=True))
     require_same(ec.simulate(scene, "microscopic", seed=3), resumed)
 

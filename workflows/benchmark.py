@@ -25,7 +25,7 @@ from benchmark_particles import particle_rows
 from benchmark_start import start_rows
 from benchmark_tools import Row, Sizes, limits
 
-from ellipsoid_coupling import EllipsoidError
+from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
@@ -77,8 +77,4 @@ def main(arguments: Sequence[str] | None = None) -> Path:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except EllipsoidError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_status)
+    run_in_words(main)

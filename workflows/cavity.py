@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from ellipsoid_coupling import EllipsoidError, FlowField, Result, Scene, load_scene, simulate
+from ellipsoid_coupling import FlowField, Result, Scene, load_scene, simulate
 from ellipsoid_coupling.compare import Frontier, short_frontier
+from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.output.figures import (
     DensityRow,
     density_rows,
@@ -158,8 +159,4 @@ def write_paraview(
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except EllipsoidError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_status)
+    run_in_words(main)

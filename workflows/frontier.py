@@ -17,9 +17,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ellipsoid_coupling import EllipsoidError, load_scene
+from ellipsoid_coupling import load_scene
 from ellipsoid_coupling.compare import Frontier, run_frontier
 from ellipsoid_coupling.compare.frontier import LONGEST
+from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.frontier_report import CHOICE_COLUMNS, choice_rows, report_frontiers
 from ellipsoid_coupling.progress import ProgressReporter
@@ -86,8 +87,4 @@ def write_choices(frontiers: Sequence[Frontier], folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except EllipsoidError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_status)
+    run_in_words(main)

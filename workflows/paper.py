@@ -20,9 +20,9 @@ import numpy as np
 from paper_page import Page, Verdict
 from paper_stationary import stationary
 
-from ellipsoid_coupling import EllipsoidError, Result, load_scene, simulate
+from ellipsoid_coupling import Result, load_scene, simulate
 from ellipsoid_coupling.compare import errors_against
-from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.errors import RunError, run_in_words
 from ellipsoid_coupling.output.figures import (
     density_rows,
     draw_angles,
@@ -259,8 +259,4 @@ def cavity(page: Page) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except EllipsoidError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_status)
+    run_in_words(main)

@@ -9,6 +9,7 @@ from pathlib import Path
 from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
 from ellipsoid_coupling.compare.split import Parts
+from ellipsoid_coupling.files import whole_file
 
 PARTS = (
     "discretisation",
@@ -44,14 +45,12 @@ def write_table(frontiers: Sequence[Frontier], folder: Path) -> Path:
     sampling_error_* are the reference's own, wall_seconds equals best_seconds.
     """
     path = folder / "errors.csv"
-    beside = path.with_name(".errors.csv")
-    with beside.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for frontier in frontiers:
             for row in frontier.rows:
                 writer.writerows(_lines(frontier, row))
-    beside.replace(path)
     return path
 
 

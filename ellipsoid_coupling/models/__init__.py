@@ -17,6 +17,7 @@ __all__ = [
     "SchemeName",
     "Setup",
     "build_model",
+    "layout_of",
     "model_names",
     "scheme_named",
 ]
@@ -37,6 +38,11 @@ def _classes() -> dict[str, type[Model]]:
 def model_names() -> list[str]:
     """The names of all models, sorted."""
     return sorted(_classes())
+
+
+def layout_of(name: str) -> str:
+    """What the state of the model `name` is made of: "particles", "rho" or "q"."""
+    return _classes()[name].layout
 
 
 def scheme_named(name: str) -> SchemeName:

@@ -37,7 +37,7 @@ from ellipsoid_coupling.schemes.sources import (
     set_drift,
 )
 from ellipsoid_coupling.schemes.splitting import Splitting
-from ellipsoid_coupling.schemes.status import MEANING, RUNNING
+from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     CFL,
     STEPS,
@@ -141,6 +141,8 @@ class RGridEquation:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
         with threads_for(self.grid.nx * self.grid.ny, _CELLS_PER_THREAD):
             status = advance_by_limits(self, until, _STEPS_PER_CALL)
+        if status != RUNNING and not np.isfinite(self.drift).all():
+            status = NOT_FINITE
         if status != RUNNING:
             raise self._failure(status)
 

@@ -2,9 +2,9 @@
 
     q_stat = exp(-V1 - V2 - U*q_stat/m)/Z,      Z such that q_stat has mass 1
 
-It does not depend on the noise, since A dW comes with the damping A^2/2. The unknown of the
-iteration is the potential U*q/m: it is smooth and bounded, and q follows from it as a positive
-density of mass 1. Both schemes are the same: a fixed point has no time step.
+It does not depend on the noise, since A dW comes with the damping A^2/2. It is a minimum of the free
+energy, found by Newton's descent (`schemes.free_energy`), however strong the interaction is; a strong
+one has many such states. Both schemes are the same: an equilibrium has no time step.
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.fixed_point import Anderson
+from ellipsoid_coupling.schemes.free_energy import Problem, descend, miss, point_at
 from ellipsoid_coupling.schemes.grid import Grid, scene_grid
 
 Floats = NDArray[np.float64]
 
-# Largest integral of |q - exp(-V - U*q)/Z|.
+# Largest integral of |q - exp(-V - U*q)/Z|; with a strong U its rounding, relative to its largest value.
 TOLERANCE = 1e-13
-_DEPTH, _MIXING = 8, 0.3
-# The memory is dropped after each call of `advance`, so that a restart needs the potential only.
-_ITERATIONS_PER_CALL = 100
-_MOST_ITERATIONS = 2000
+_ROUNDING = 1e-15
+_STEPS_PER_CALL = 10
+_MOST_STEPS = 2000
 # An iteration that failed may have left any potential; its Z shall not overflow.
 _LARGEST_LOG = 700.0
 
@@ -102,29 +101,24 @@ class StationaryState:
         return self._interaction(density)
 
     def advance(self, until: float) -> None:
-        """At most a hundred iterations; once converged, time is `until`."""
-        memory = Anderson(_DEPTH, _MIXING)
-        for _ in range(_ITERATIONS_PER_CALL):
-            if self._clock[_RESIDUAL] <= TOLERANCE:
+        """A few steps of the descent; once in equilibrium, time is `until`."""
+        problem = Problem(self._boltzmann, self._image, self._cell_volume)
+        point = point_at(problem, self._potential)
+        for _ in range(_STEPS_PER_CALL):
+            self._clock[_RESIDUAL] = miss(problem, point)
+            allowed = max(TOLERANCE, _ROUNDING * float(np.abs(point.image).max()))
+            if self._clock[_RESIDUAL] <= allowed:
                 self._clock[_TIME] = until
-                return
-            self._iterate(memory)
-        if not self._clock[_STEPS] < _MOST_ITERATIONS:
+                break
+            point = descend(problem, point)
+            self._clock[_STEPS] += 1
+        self._potential = point.potential
+        if self._clock[_TIME] < until and not self._clock[_STEPS] < _MOST_STEPS:
             raise RunError(
-                f"{self._setup.scene.name}, {self.name}: the iteration has not converged after "
-                f"{_MOST_ITERATIONS} steps, the residual is {self._clock[_RESIDUAL]:.3g}. "
-                "Weaken the interaction: a strong one has many stationary states."
+                f"{self._setup.scene.name}, {self.name}: no equilibrium after {_MOST_STEPS} steps, "
+                f"the residual is {self._clock[_RESIDUAL]:.3g}. Weaken the interaction, or use a "
+                "finer grid."
             )
-
-    def _iterate(self, memory: Anderson) -> None:
-        density, _ = self._boltzmann(self._potential)
-        image = self._image(density)
-        next_density, _ = self._boltzmann(image)
-        miss = float(np.abs(next_density - density).sum()) * self._cell_volume
-        self._clock[_RESIDUAL] = miss
-        self._clock[_STEPS] += 1
-        if miss > TOLERANCE:
-            self._potential = memory.next(self._potential, image, np.sqrt(density))
 
     def snapshot(self) -> Arrays:
         """The density (na, ny, nx); velocities and angular velocity are 0."""

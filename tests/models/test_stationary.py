@@ -130,7 +130,18 @@ def test_repulsion_widens_and_strong_interaction_converges() -> None:
     assert widths[0] < widths[1] < widths[2]
 
 
-def test_failure_is_told() -> None:
+def test_however_strong_the_interaction_is() -> None:
+    """A patterned minimum among many: the equation holds to what 4e4 U rounds to (1e-15 of it)."""
+    model = model_of(
+        scene_with(interaction={"strength": 1e6}, numerics={"cell": 1.0, "angle_cells": 4})
+    )
+    run(model, 1.0)
+    assert model.counts()["residual"] < 1e-10
+    assert model.counts()["mass_end"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_failure_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ellipsoid_coupling.models.stationary._MOST_STEPS", 10)
     model = model_of(
         scene_with(interaction={"strength": 1e6}, numerics={"cell": 1.0, "angle_cells": 4})
     )

@@ -214,7 +214,7 @@ BAD: dict[str, tuple[Make, str]] = {
     "tiny particles": (
         setting("particles.length=1e-9", "particles.width=1e-9"), r"cells of half a reach.*TB",
     ),
-    "cell > domain": (setting("numerics.cell=3.0", model="diffusive"), r"at least 4 cells"),
+    "cell > domain": (setting("numerics.cell=3.0", model="diffusive"), r"divides the domain"),
     "no equals": (setting("particles.number"), r"--set: expected key=value"),
     "deep setting": (setting("x=" + "[" * 5000), r"nested more than 50 deep"),
     "unknown field": (

@@ -9,6 +9,7 @@ from pathlib import Path
 from ellipsoid_coupling.compare.stability.case import Case
 from ellipsoid_coupling.compare.stability.cases import CASES
 from ellipsoid_coupling.compare.stability.examine import Field, examine
+from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.models import SCHEMES, model_names
 from ellipsoid_coupling.simulation import Report
 
@@ -42,10 +43,8 @@ def map_stability(
 def write_stability(fields: Sequence[Field], folder: Path) -> Path:
     """stability.csv, one line a run."""
     path = folder / "stability.csv"
-    beside = path.with_name(".stability.csv")
-    with beside.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(list(Field.__dataclass_fields__))
         writer.writerows([list(vars(field).values()) for field in fields])
-    beside.replace(path)
     return path

@@ -10,7 +10,7 @@ import numpy as np
 from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import distances
 from ellipsoid_coupling.compare.stability.watch import Outcome, Run, run_case
-from ellipsoid_coupling.models import SchemeName
+from ellipsoid_coupling.models import SchemeName, layout_of
 from ellipsoid_coupling.scenes import Scene, terms_of
 
 # By how much the scheme `paper` is asked for a smaller step before it is given up, and the share of
@@ -80,7 +80,7 @@ def _finer(case: Case, model: str) -> tuple[Table, str]:
     """What makes a run of `accurate` the reference, and how it is called."""
     scene = case.scene(model)
     numerics = scene.numerics
-    if build_layout(model) == "particles":
+    if layout_of(model) == "particles":
         if terms_of(scene, model).noise:
             # The noise of another step is another noise: only the law can be compared.
             count = 10 * scene.particles.realisations
@@ -91,13 +91,6 @@ def _finer(case: Case, model: str) -> tuple[Table, str]:
     cell = scene.domain.width / math.ceil(_FINER * round(scene.domain.width / numerics.cell))
     settings = {"numerics.cell": cell, "numerics.angle_cells": angles, "numerics.cfl": 0.9}
     return settings, f"accurate, h = {cell:.3g}, {angles} angles"
-
-
-def build_layout(model: str) -> str:
-    """Particles, rho or q: what a model's state is made of, told by its name."""
-    if model in ("microscopic", "mckean_vlasov"):
-        return "particles"
-    return "rho" if model in ("rho_mono_kinetic", "diffusive") else "q"
 
 
 def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Field]:
@@ -111,7 +104,7 @@ def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Fie
         reference, words = None, ""
     else:
         finer, words = _finer(case, model)
-        share = _SHARE_OF_REFERENCE[build_layout(model)]
+        share = _SHARE_OF_REFERENCE[layout_of(model)]
         seed = 1 if "realisations" in words else 0
         reference = run_case(case, model, "accurate", finer, seed=seed, share=share)
     fields = [_field(case, model, s, runs[s], reference, words) for s in schemes]
@@ -174,7 +167,7 @@ def _needed_step(case: Case, model: str, run: Run) -> float:
     if run.exhausted and run.counts is not None:
         return run.reached / run.counts["steps"]
     scene = case.scene(model)
-    particles = build_layout(model) == "particles"
+    particles = layout_of(model) == "particles"
     damping, step = _largest_damping(scene), scene.numerics.time_step
     if particles and damping * step > 2.0:
         return 2.0 / damping

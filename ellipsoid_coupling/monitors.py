@@ -59,16 +59,19 @@ class Monitors:
         self._forces = max(force, more), max(torque, harder)
         wrong = self._look_at(health, model.time)
         if wrong is not None:
-            raise RunError(f"{self._setup.scene.name}, {self._name}, t = {model.time:.6g}: {wrong}")
+            raise RunError(
+                f"{self._setup.scene.name}, {self._name}, t = {model.time:.6g}: {wrong}. "
+                f"{model.spot()} {self._remedy()}"
+            )
 
     def _look_at(self, health: Health, now: float) -> str | None:
         if not all(map(math.isfinite, (health.mass, *health.speeds))):
-            return "the solution is no longer finite. " + self._shorter_steps()
+            return "the solution is no longer finite"
         if health.least_density < 0.0:
-            return f"a density of {health.least_density:.3g}. " + self._shorter_steps()
+            return f"a density of {health.least_density:.3g}"
         change = health.mass / self._mass - 1.0
         if change > MASS_TOLERANCE or (change < -MASS_TOLERANCE and self._setup.terms.reflection):
-            return f"the mass has changed by {change:.3g} of itself. " + self._shorter_steps()
+            return f"the mass has changed by {change:.3g} of itself"
         return self._too_fast(health, now)
 
     def _too_fast(self, health: Health, now: float) -> str | None:
@@ -80,11 +83,11 @@ class Monitors:
             if health.speeds[k] > limit:
                 return (
                     f"a root mean square {what} of {health.speeds[k]:.3g} is beyond what forces of "
-                    f"{self._forces[k]:.3g} can give. " + self._shorter_steps()
+                    f"{self._forces[k]:.3g} can give"
                 )
         return None
 
-    def _shorter_steps(self) -> str:
+    def _remedy(self) -> str:
         if self._setup.scheme == "paper":
             return "Use a smaller time step or CFL number, or the scheme `accurate`."
         return "Use a smaller tolerance or CFL number, or a finer grid."

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.scenes import Scene, Terms
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -83,6 +84,10 @@ class Model(Protocol):
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
+        ...
+
+    def spot(self) -> Spot:
+        """Where the drift is strongest now, and by which term."""
         ...
 
     def health(self) -> Health:

@@ -35,12 +35,14 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
     particle_snapshot,
+    particle_spot,
     random_points,
     scene_drift,
     scene_limits,
     scene_rates,
     start_at_rest,
 )
+from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
@@ -202,7 +204,8 @@ class McKeanVlasov:
         if status != RUNNING:
             what, remedy = MEANING[status]
             raise RunError(
-                f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}: {what}. {remedy}"
+                f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}: {what}. "
+                f"{self.spot()} {remedy}"
             )
 
     def snapshot(self) -> Arrays:
@@ -226,6 +229,10 @@ class McKeanVlasov:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def spot(self) -> Spot:
+        """The particle that is pulled hardest."""
+        return particle_spot(self._state, self._setup)
 
     def health(self) -> Health:
         """Speeds and forces of all particles."""

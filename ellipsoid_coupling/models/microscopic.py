@@ -19,12 +19,14 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
     particle_snapshot,
+    particle_spot,
     random_points,
     scene_drift,
     scene_limits,
     scene_rates,
     start_at_rest,
 )
+from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import ParticleState
@@ -122,7 +124,7 @@ class Microscopic:
         what, remedy = MEANING[int(status[worst])]
         raise RunError(
             f"{self._setup.scene.name}, {self.name}, realisation {worst}, "
-            f"t = {clock[worst, TIME]:.6g}: {what}. {remedy}"
+            f"t = {clock[worst, TIME]:.6g}: {what}. {self.spot()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -145,6 +147,10 @@ class Microscopic:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def spot(self) -> Spot:
+        """The particle that is pulled hardest."""
+        return particle_spot(self._state, self._setup)
 
     def health(self) -> Health:
         """Speeds and forces of all particles."""

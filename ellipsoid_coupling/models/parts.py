@@ -11,6 +11,7 @@ from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cel
 from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.models.base import Arrays, Health, Setup
+from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.grid import Grid
@@ -155,6 +156,26 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
         "velocity_y": velocity[:, 1].copy(),
         "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
     }
+
+
+def particle_spot(state: ParticleState, setup: Setup) -> Spot:
+    """The particle that is pulled hardest."""
+    place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
+    i = worst(force)
+    x, y = float(place[0, i]), float(place[1, i])
+    scene, fluid, outer = setup.scene, np.zeros(2), np.zeros(2)
+    if setup.flow is not None and scene.flow is not None:
+        sample = setup.flow.evaluate(x, y)
+        fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
+    if scene.outer_potential is not None:
+        outer = -scene.outer_potential.stiffness * np.array([x, y])
+    terms = {
+        FLUID: float(np.hypot(*fluid)),
+        OUTER: float(np.hypot(*outer)),
+        PAIRS: float(np.hypot(*(force[:2, i] - fluid - outer))),
+        TORQUE: float(np.abs(force[2:, i]).max(initial=0.0)),
+    }
+    return Spot((x, y, *map(float, place[2:, i])), terms)
 
 
 def particle_health(state: ParticleState) -> Health:

@@ -25,6 +25,7 @@ from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInte
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -122,7 +123,7 @@ class QEquation:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -161,6 +162,25 @@ class QEquation:
             current[name][...] = array
         self.system.look_for_mass()
         self.stepper.prepare()
+
+    def spot(self) -> Spot:
+        """The fastest cell; forces as far as the stepper keeps them."""
+        system, forces = self.system, self.stepper.forces
+        fields = inside(system.fields)
+        speeds = np.array([self._carried(k) for k in range(QVX, fields.shape[0])])
+        a, j, i = np.unravel_index(worst(speeds, fields[Q] > 0.0), self.grid.shape)
+        terms, plane = system.terms, self.grid.plane
+        strengths = {"its own speed": float(np.abs(speeds[:, a, j, i]).max())}
+        if terms.steady is not None:
+            strengths[f"{FLUID} with {OUTER}"] = float(np.hypot(*terms.steady[:, j, i]))
+        if forces is not None:
+            at = a % forces.x.shape[0], j, i
+            pull = float(np.hypot(forces.x[at], forces.y[at]))
+            strengths[PAIRS] = terms.inverse_mass * pull
+            if forces.torque is not None:
+                strengths[TORQUE] = terms.inverse_inertia * abs(float(forces.torque[at]))
+        place = float(plane.x[i]), float(plane.y[j]), float(self.grid.angle[a])
+        return Spot(place, strengths)
 
     def health(self) -> Health:
         """Mass, least density, speeds; a bound of the forces where there is no pressure."""

@@ -17,6 +17,7 @@ from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import threads_for
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
 from ellipsoid_coupling.schemes.fluxes import AnyFlux
@@ -162,7 +163,7 @@ class RGridEquation:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -190,6 +191,20 @@ class RGridEquation:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+
+    def spot(self) -> Spot:
+        """The cell where the drift is strongest."""
+        j, i = np.unravel_index(
+            worst(self.drift, interior(self.fields)[RHO] > 0.0), self.grid.shape
+        )
+        drift = self.drift[:, j, i]
+        steady = np.zeros(2) if self.terms.steady is None else self.terms.steady[:, j, i]
+        terms = {
+            f"{FLUID} with {OUTER}": float(np.hypot(*steady)),
+            PAIRS: float(np.hypot(*(drift[:2] - steady))),
+            TORQUE: float(np.abs(drift[2:]).max(initial=0.0)),
+        }
+        return Spot((float(self.grid.x[i]), float(self.grid.y[j])), terms)
 
     def health(self) -> Health:
         """Mass, least density, speeds, and the drift's largest components."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.free_energy import Problem, descend, miss, point_at
@@ -116,8 +117,8 @@ class StationaryState:
         if self._clock[_TIME] < until and not self._clock[_STEPS] < _MOST_STEPS:
             raise RunError(
                 f"{self._setup.scene.name}, {self.name}: no equilibrium after {_MOST_STEPS} steps, "
-                f"the residual is {self._clock[_RESIDUAL]:.3g}. Weaken the interaction, or use a "
-                "finer grid."
+                f"the residual is {self._clock[_RESIDUAL]:.3g}. {self.spot()} Weaken the interaction, "
+                "or use a finer grid."
             )
 
     def snapshot(self) -> Arrays:
@@ -139,6 +140,13 @@ class StationaryState:
         """Continue from a `state`."""
         self._potential = np.array(state["potential"], dtype=np.float64)
         self._clock[:] = state["clock"]
+
+    def spot(self) -> Spot:
+        """Where the interaction's potential is highest; nothing moves."""
+        potential = self._image(self._boltzmann(self._potential)[0])
+        a, j, i = np.unravel_index(int(potential.argmax()), potential.shape)
+        place = float(self.grid.x[i]), float(self.grid.y[j]), 2.0 * math.pi / self.angles * a
+        return Spot(place, {"the interaction's potential": float(potential[a, j, i])})
 
     def health(self) -> Health:
         """A density made positive and of mass 1; nothing moves."""

@@ -54,7 +54,9 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     mass, motion, spin = (float(rows[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
     if not mass > 0.0:
         return mass, float(rows[:, _LEAST].min()), (0.0, 0.0)
-    return mass, float(rows[:, _LEAST].min()), (math.sqrt(motion / mass), math.sqrt(spin / mass))
+    # A negative density, which is told by itself, may make the sums negative.
+    speeds = math.sqrt(abs(motion) / mass), math.sqrt(abs(spin) / mass)
+    return mass, float(rows[:, _LEAST].min()), speeds
 
 
 @kernel

@@ -1,0 +1,50 @@
+"""Where a run went wrong, and which term pulls hardest there: for the message of a failure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+FLUID, OUTER, PAIRS, TORQUE = "the fluid", "V1", "interaction and walls", "the torque"
+
+
+class Spot(NamedTuple):
+    """The worst place, and how strong each term is there (per mass, per inertia).
+
+    Attributes
+    ----------
+    place : tuple of float
+        x, y and, where the model resolves it, the angle.
+    terms : dict
+        Magnitudes by name.
+    """
+
+    place: tuple[float, ...]
+    terms: dict[str, float]
+
+    def __str__(self) -> str:
+        where = ", ".join(f"{value:.6g}" for value in self.place)
+        if not all(map(math.isfinite, self.terms.values())):
+            return f"The first forces that are not finite are at ({where})."
+        strongest = max(self.terms, key=lambda name: self.terms[name])
+        return f"The strongest term is {strongest}, {self.terms[strongest]:.3g} at ({where})."
+
+
+def worst(values: Sequence[Floats] | Floats, counts: NDArray[np.bool_] | None = None) -> int:
+    """The flat index, over all but the first axis, of the first value that is not finite, else the largest.
+
+    Parameters
+    ----------
+    values : (K, ...) float64
+    counts : (...) bool, optional
+        Where they count: cells that hold mass.
+    """
+    size = np.abs(np.asarray(values)).max(axis=0)
+    size = np.where(np.isfinite(size), size, np.inf)
+    return int(np.argmax(size if counts is None else np.where(counts, size, -1.0)))

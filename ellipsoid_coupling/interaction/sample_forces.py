@@ -55,7 +55,7 @@ Interval = tuple[float, float]
 NODES_PER_WIDTH = 4.0
 # The spline's basis function decays by 0.27 a node: images this many nodes further are not felt.
 _TAIL = 8
-_MOST_HARMONICS = 60
+MOST_HARMONICS = 60
 # The tables of a potential that is steeper for its reach (aspect ratio above 5.3) fill the memory.
 _MOST_NODES_IN_REACH = 60.0
 # Numbers in the spectra, 4 or 8 bytes each.
@@ -97,7 +97,7 @@ class SampleInteraction:
         h = width / NODES_PER_WIDTH
         _require(shape.reach <= _MOST_NODES_IN_REACH * h, shape, tolerance)
         self.nodes = _cover(x_range, y_range, h)
-        series = angular_series(shape, h, tolerance, _MOST_HARMONICS)
+        series = angular_series(shape, h, tolerance, MOST_HARMONICS)
         _require(series is not None, shape, tolerance)
         assert series is not None
         entries = 3 * (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
@@ -152,7 +152,7 @@ def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:
     if not holds:
         raise InputError(
             "interaction of samples by harmonics",
-            f"a tolerance that {_MOST_HARMONICS} harmonics and 1 GB reach",
+            f"a tolerance that {MOST_HARMONICS} harmonics and 1 GB reach",
             f"{tolerance} for a shape factor of {shape.shape_factor:.3g}",
             'Raise numerics.harmonics_tolerance, or set numerics.interaction = "direct".',
         )

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.cells import CELLS_PER_REACH
+from ellipsoid_coupling.interaction.sample_choice import takes_pairs
 from ellipsoid_coupling.interaction.sample_forces import NODES_PER_WIDTH
 from ellipsoid_coupling.limits import in_words, memory_limit
 from ellipsoid_coupling.models.base import Setup
@@ -56,11 +57,21 @@ def _needs(layout: str, name: str, setup: Setup) -> list[Need]:
         count = float(scene.particles.number * setup.realisations)
         keys = "keys particles.number, particles.realisations, times"
         needs.append(_need("particles", count, keys, _PER_PARTICLE + saved))
-    if name == "mckean_vlasov" and scene.interaction is not None:
+    if name == "mckean_vlasov" and _has_nodes(scene, setup.realisations):
         h = scene.particles.width / NODES_PER_WIDTH
         # Density, and cosine and sine of twice the angle, on the nodes and in the transform.
         needs.append(_need("nodes", _cells(scene, h), "keys particles.width, domain", 6))
     return needs
+
+
+def _has_nodes(scene: Scene, realisations: int) -> bool:
+    """Whether samples interact through nodes, and not pair by pair."""
+    if scene.interaction is None:
+        return False
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    area = scene.domain.width * scene.domain.height
+    samples, method = scene.particles.number * realisations, scene.numerics.interaction
+    return not takes_pairs(area, shape, scene.particles.width, samples=samples, method=method)
 
 
 def _need(what: str, count: float, keys: str, numbers: float) -> Need:

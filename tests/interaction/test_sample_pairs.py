@@ -52,3 +52,11 @@ def test_few_and_slender_samples_interact_pair_by_pair() -> None:
         assert isinstance(choose(10_000, width), SamplePairs)
         with pytest.raises(InputError, match="direct"):
             choose(10_000, width, "harmonics")
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-9])
+def test_needles_take_pairs_however_many(width: float) -> None:
+    """No series is looked for: on nodes a quarter of 1e-9 apart it would fill any memory."""
+    shape = potential_shape(0.1, width)
+    found = choose_samples(UNIT, UNIT, shape, width, 1.0, samples=10**6, tolerance=2e-2)
+    assert isinstance(found, SamplePairs)

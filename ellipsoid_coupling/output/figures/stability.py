@@ -19,7 +19,7 @@ from ellipsoid_coupling.output.labels import model_name
 
 # Inch: a field, the names of the cases beside it, and what stands above and below.
 _WIDTH, _HEIGHT = 0.47, 0.185
-_NAMES, _HEAD, _LEGEND = 2.5, 1.5, 0.75
+_NAMES, _HEAD, _LEGEND, _RIM = 2.5, 1.2, 0.75, 0.5
 _LETTERS = 6.5
 
 # Errors by decade, light for small; "cividis" stays in order for every kind of colour blindness.
@@ -124,7 +124,7 @@ def stability_figure(fields: Sequence[MapField], title: str = "") -> Figure:
     require(fields, "stability map", "run")
     cases = list(dict.fromkeys(field.case for field in fields))
     columns = list(dict.fromkeys((field.model, field.scheme) for field in fields))
-    width = _NAMES + _WIDTH * len(columns) + 0.1
+    width = _NAMES + _WIDTH * len(columns) + _RIM
     height = _HEAD + _LEGEND + _HEIGHT * len(cases)
     figure = new_figure(width, height)
     figure.set_layout_engine("none")

@@ -6,6 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -17,6 +18,7 @@ from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
 if TYPE_CHECKING:
+    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene
 
 app = App(
@@ -29,9 +31,6 @@ Settings = Annotated[
     list[str] | None,
     Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
 ]
-Force = Annotated[
-    bool, Parameter(negative="", help="Write into --out even if it holds something already.")
-]
 Names = Annotated[list[str], Parameter(negative="")]
 
 
@@ -40,24 +39,70 @@ def _print(*lines: str) -> None:
         sys.stdout.write(line + "\n")
 
 
-def _new_folder(out: Path | None, name: str, force: bool = True) -> Path:
-    """`out`, or results/`name` with the first free number behind it.
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Output:
+    """The folder that a command leaves its results in."""
 
-    Raises
-    ------
-    InputError
-        If `out` holds something, and `force` is not given.
-    """
-    if out is not None:
+    out: Annotated[Path | None, Parameter(help="Folder of the results.")] = None
+    force: Annotated[
+        bool, Parameter(negative="", help="Write into --out even if it holds something already.")
+    ] = False
+
+    def check(self) -> None:
+        """Refuse, before anything is computed, a folder that holds something."""
         from ellipsoid_coupling.run_folder import require_free
 
-        require_free(out, force=force)
-        return out
-    folder, count = Path("results") / name, 1
-    while folder.exists():
-        count += 1
-        folder = Path("results") / f"{name}-{count}"
-    return folder
+        if self.out is not None:
+            require_free(self.out, force=self.force)
+
+    def folder(self, name: str) -> Path:
+        """`out`, or results/`name` with the first free number behind it."""
+        if self.out is not None:
+            return self.out
+        folder, count = Path("results") / name, 1
+        while folder.exists():
+            count += 1
+            folder = Path("results") / f"{name}-{count}"
+        return folder
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Keeping(Output):
+    """How a run keeps what it has computed."""
+
+    resume: Annotated[
+        bool, Parameter(negative="", help="Continue the interrupted run in --out, bit for bit.")
+    ] = False
+    checkpoint_seconds: Annotated[
+        float, Parameter(help="Seconds between checkpoints: what a kill loses at most.")
+    ] = 15.0
+    stop_after: Annotated[
+        float | None,
+        Parameter(help="Write a checkpoint and stop (status 1) after so many seconds."),
+    ] = None
+
+    def check(self) -> None:
+        """Refuse numbers and folders that cannot be meant."""
+        if self.resume and self.out is None:
+            raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
+        if not 0.0 <= self.checkpoint_seconds < math.inf:
+            found = f"{self.checkpoint_seconds:g}"
+            raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
+        if self.stop_after is not None and not 0.0 < self.stop_after < math.inf:
+            found = f"{self.stop_after:g}"
+            raise InputError("--stop-after", "seconds above 0", found, "Change it.")
+
+    def place(self, name: str) -> RunFolder:
+        """The run folder, which the run itself looks at and claims."""
+        from ellipsoid_coupling.run_folder import RunFolder
+
+        path = self.folder(name)
+        return RunFolder(path, self.resume, self.force, self.checkpoint_seconds, self.stop_after)
+
+
+_OUTPUT, _KEEPING = Output(), Keeping()
 
 
 def _scene(name: str, settings: list[str] | None) -> Scene:
@@ -73,11 +118,12 @@ def flow(
     *,
     cells: int | None = None,
     processes: int = 1,
-    out: Path | None = None,
-    force: Force = False,
     trust: bool = False,
+    output: Output = _OUTPUT,
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
+
+    Without --out the solved case goes into the cache.
 
     Parameters
     ----------
@@ -87,18 +133,15 @@ def flow(
         Cells a side; the case's own number if left out.
     processes
         Processes of icoFoam (decomposePar, mpirun).
-    out
-        Where the solved case goes; into the cache if left out.
     trust
         Run the case even if something in it can run code: you have read it, or made it.
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 
-    if out is not None:
-        _new_folder(out, "", force)
+    output.check()
     with ProgressReporter() as report:
         folder = solve_case(
-            case, cells=cells, processes=processes, out=out, report=report, trust=trust
+            case, cells=cells, processes=processes, out=output.out, report=report, trust=trust
         )
     _print(str(folder))
 
@@ -143,13 +186,9 @@ def run(
     set_: Settings = None,
     seed: int | None = None,
     realisations: int | None = None,
-    out: Path | None = None,
-    resume: bool = False,
-    force: Force = False,
-    checkpoint_seconds: float = 15.0,
-    stop_after: float | None = None,
+    keeping: Keeping = _KEEPING,
 ) -> None:
-    """Run one model on one scene.
+    """Run one model on one scene; without --out into results/....
 
     Parameters
     ----------
@@ -165,17 +204,8 @@ def run(
         Fixes start positions and noise.
     realisations
         Instead of the scene's number.
-    out
-        The run folder; results/... if left out.
-    resume
-        Continue the interrupted run in --out, bit for bit; from its start if it left no checkpoint.
-    checkpoint_seconds
-        Seconds between checkpoints: what a kill loses at most.
-    stop_after
-        Write a checkpoint and stop (status 1) after so many seconds.
     """
     from ellipsoid_coupling.models import scheme_named
-    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
@@ -184,19 +214,13 @@ def run(
     name = model or before.model
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
-    if resume and out is None:
-        raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
+    keeping.check()
     if realisations is not None and realisations < 1:
         raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
     if seed is not None and not 0 <= seed < 2**63:
         raise InputError("--seed", "a whole number from 0 to 2^63 - 1", str(seed), "Change it.")
-    if not 0.0 <= checkpoint_seconds < math.inf:
-        found = f"{checkpoint_seconds:g}"
-        raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
-    if stop_after is not None and not 0.0 < stop_after < math.inf:
-        raise InputError("--stop-after", "seconds above 0", f"{stop_after:g}", "Change it.")
     kind = scheme_named(scheme or before.scheme)
-    folder = _new_folder(out, f"{chosen.name}-{name}-{kind}")
+    folder = keeping.place(f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
             chosen,
@@ -205,7 +229,7 @@ def run(
             flow=flow,
             seed=seed if seed is not None else before.seed,
             realisations=realisations or before.realisations,
-            folder=RunFolder(folder, resume, force, checkpoint_seconds, stop_after),
+            folder=folder,
             report=report,
         )
     shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
@@ -214,7 +238,7 @@ def run(
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
     rows += [(k, f"{result.attributes[k]:.2f}") for k in ("wall_seconds", "compile_seconds")]
     print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
-    _print(str(folder))
+    _print(str(folder.path))
 
 
 @app.command
@@ -222,21 +246,20 @@ def compare(
     what: Names,
     /,
     *,
-    out: Path | None = None,
     flow: Path | None = None,
     set_: Settings = None,
     longest: float = 60.0,
-    force: Force = False,
+    output: Output = _OUTPUT,
 ) -> None:
     """Errors against run time, split into their parts, as tables and figures.
+
+    Without --out into results/....
 
     Parameters
     ----------
     what
         One scene (every model that fits it is run with both schemes, coarse to fine), or finished
         run folders.
-    out
-        Folder of the tables and figures; results/... if left out.
     flow
         As in `run`.
     longest
@@ -249,8 +272,7 @@ def compare(
 
     if not 0.0 < longest < math.inf:
         raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
-    if out is not None:
-        _new_folder(out, "", force)
+    output.check()
     with ProgressReporter() as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
@@ -260,19 +282,19 @@ def compare(
             results = [Result.load(path) for path in what]
             scene = results[0].scene
             frontier = compare_runs(results, scene_flow(scene, flow, report))
-    folder = _new_folder(out, f"compare-{scene.name}")
+    folder = output.folder(f"compare-{scene.name}")
     report_frontiers([frontier], folder)
     _print(str(folder))
 
 
 @app.command
-def stability(*, out: Path | None = None, quick: bool = False, force: Force = False) -> None:
+def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
     """Run stiff and extreme cases with every model and scheme, and map what stays stable.
+
+    Leaves a table, a picture and the page that explains it; without --out in results/....
 
     Parameters
     ----------
-    out
-        Folder of the table, the picture and the page that explains it; results/... if left out.
     quick
         A third of the cases.
     """
@@ -284,31 +306,33 @@ def stability(*, out: Path | None = None, quick: bool = False, force: Force = Fa
     )
 
     cases = chosen_cases(quick=quick)
-    if out is not None:
-        _new_folder(out, "", force)
+    output.check()
     with ProgressReporter() as report:
         fields = map_stability(cases, report=report)
-    folder = _new_folder(out, "stability")
+    folder = output.folder("stability")
     report_stability(fields, cases, folder)
     print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(fields))
     _print(str(folder))
 
 
 @app.command
-def export(run: Path, /, *, force: Force = False) -> None:
+def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = False) -> None:
     """Write ParaView files into a run folder.
 
     Parameters
     ----------
     run
         A finished run folder.
+    force
+        Overwrite files that an earlier export left.
     """
     from ellipsoid_coupling.output.paraview import export as write
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
-    folder = _new_folder((run if run.is_dir() else run.parent) / "paraview", "", force)
+    folder = (run if run.is_dir() else run.parent) / "paraview"
+    Output(folder, force).check()
     with ProgressReporter() as report:
         field = scene_flow(result.scene, None, report)
     write(result, folder, flow=field)
@@ -316,24 +340,21 @@ def export(run: Path, /, *, force: Force = False) -> None:
 
 
 @app.command
-def figures(runs: Names, /, *, out: Path | None = None, force: Force = False) -> None:
-    """Draw the paper's pictures of finished runs.
+def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
+    """Draw the paper's pictures of finished runs; without --out into results/....
 
     Parameters
     ----------
     runs
         Run folders; those of one scene are drawn together.
-    out
-        Folder of the pictures; results/... if left out.
     """
     from ellipsoid_coupling.output.figures import draw_all
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.simulation import scene_flow
 
-    if out is not None:
-        _new_folder(out, "", force)
+    output.check()
     results = [Result.load(path) for path in runs]
-    folder = _new_folder(out, "figures")
+    folder = output.folder("figures")
     folder.mkdir(parents=True, exist_ok=True)
     with ProgressReporter() as report:
         draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))

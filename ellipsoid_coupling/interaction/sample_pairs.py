@@ -55,16 +55,7 @@ class SamplePairs:
         self._shape, self._strength = shape, strength
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
-        """Add the interaction to the drift of all samples, in place.
-
-        Parameters
-        ----------
-        place : (K, D, B) float64
-            x, y and, with D = 3, the angle of K blocks of B samples.
-        weights : (1/m, 1/I_c)
-        force : (K, D, B)
-            Per mass and per inertia.
-        """
+        """Add the interaction to the drift of all samples, as `SampleInteraction.add_forces`."""
         blocks, degrees, size = place.shape
         x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
         double = 2.0 * angle[0] if angle else np.zeros_like(x)

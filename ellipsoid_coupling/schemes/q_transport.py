@@ -10,7 +10,7 @@ from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, grown
-from ellipsoid_coupling.schemes.sweeps import BUNDLE, Runs, sweep_runs
+from ellipsoid_coupling.schemes.sweeps import Runs, bundle_width, sweep_runs
 
 Floats = NDArray[np.float64]
 
@@ -72,23 +72,30 @@ def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
     """Runs along y or the angle of bundles of columns, each as narrow as the mass in it."""
     lines = extents if axis == -2 else extents.transpose(1, 0, 2)
     outer, along = (plane, row) if axis == -2 else (row, plane)
-    bundles = -(-(row - 2 * GHOSTS) // BUNDLE)
+    bundle = bundle_width(row - 2 * GHOSTS)
+    bundles = -(-(row - 2 * GHOSTS) // bundle)
     found = np.empty((3, lines.shape[0] * bundles * (lines.shape[1] // 2 + 1)), np.int64)
     corner = GHOSTS * (plane + row + 1)
     # A run that wraps round is two runs: the ghosts between them hold the old values.
-    count = _find_runs(lines, bundles, outer, along, corner, found)
+    count = _find_runs(lines, (bundles, bundle), (outer, along, corner), found)
     return Runs(*np.ascontiguousarray(found[:, :count]))
 
 
 @kernel
 def _find_runs(
-    lines: Extents, bundles: int, outer: int, along: int, corner: int, found: Extents
+    lines: Extents, columns: tuple[int, int], strides: tuple[int, int, int], found: Extents
 ) -> int:
-    """Fill first, length and width of `found` (3, most); returns how many runs there are."""
+    """Fill first, length and width of `found` (3, most); returns how many runs there are.
+
+    columns : how many bundles there are, and their width.
+    strides : from line to line, along the lines, and where the first cell is.
+    """
+    bundles, bundle_size = columns
+    outer, along, corner = strides
     runs = 0
     for line in range(lines.shape[0]):
         for bundle in range(bundles):
-            low, high = bundle * BUNDLE, (bundle + 1) * BUNDLE
+            low, high = bundle * bundle_size, (bundle + 1) * bundle_size
             n, left, right = 0, high, low
             for k in range(lines.shape[1] + 1):
                 first, end = high, low

@@ -18,16 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, Flux, Span, outflow
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, Flux, Span, outflow, run_of
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
 
 # Columns that march together: their rows of fields, outflows and scratch stay in the first cache.
-BUNDLE = 64
+_BUNDLE = 96
 _WORK_ROWS = 6
 # Runs that a thread takes at a time: they differ in length.
 _CHUNK = 16
+
+
+def bundle_width(columns: int) -> int:
+    """How many columns march together: all bundles are alike, but for the last one's rest."""
+    return -(-columns // -(-columns // _BUNDLE))
 
 
 class Runs(NamedTuple):
@@ -42,23 +47,41 @@ class Runs(NamedTuple):
     width: NDArray[np.int64]
 
 
+class _Exchange(NamedTuple):
+    """What the cells of a run give and get in a step, each (K, width and more).
+
+    up, down : their own outflow; below, above : those of their lower and upper neighbours.
+    at : the columns where each of the four begins.
+    """
+
+    up: Floats
+    down: Floats
+    below: Floats
+    above: Floats
+    at: tuple[int, int, int, int]
+
+
 @kernel
 def _update(
-    fields: Floats, first: int, parts: tuple[Floats, Floats, Floats, Floats], vacuum: float
+    fields: Floats, first: int, moved: _Exchange, vacuum: float, new_density: Floats
 ) -> None:
     """U -= leaving, U += entering, for a run of cells; what is as thin as `vacuum` is emptied.
 
-    parts : (up, down, entering from below, entering from above), each (K, width).
+    new_density : (width,) scratch.
     """
-    up, down, from_below, from_above = parts
-    width = up.shape[1]
+    width = new_density.size
     for k in range(fields.shape[0]):
+        content = run_of(fields, k, first, width)
+        up = run_of(moved.up, k, moved.at[0], width)
+        down = run_of(moved.down, k, moved.at[1], width)
+        below = run_of(moved.below, k, moved.at[2], width)
+        above = run_of(moved.above, k, moved.at[3], width)
+        if k == DENSITY:
+            for i in range(width):
+                new_density[i] = content[i] + (below[i] + above[i] - up[i] - down[i])
         for i in range(width):
-            fields[k, first + i] += from_below[k, i] + from_above[k, i] - up[k, i] - down[k, i]
-    for i in range(width):
-        if fields[DENSITY, first + i] <= vacuum:
-            for k in range(fields.shape[0]):
-                fields[k, first + i] = 0.0
+            new = content[i] + (below[i] + above[i] - up[i] - down[i])
+            content[i] = 0.0 if new_density[i] <= vacuum else new
 
 
 @parallel_kernel
@@ -71,8 +94,8 @@ def _sweep_rows(flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: floa
         down = np.empty((components, n + 2))
         work = np.empty((_WORK_ROWS, n + 2))
         outflow(flux, fields, Span(first - 1, n + 2, 1, normal), ratio, up, down, work)
-        parts = (up[:, 1:-1], down[:, 1:-1], up[:, :-2], down[:, 2:])
-        _update(fields, first, parts, flux.vacuum)
+        moved = _Exchange(up, down, up, down, (1, 1, 0, 2))
+        _update(fields, first, moved, flux.vacuum, work[0, :n])
 
 
 @kernel
@@ -90,8 +113,8 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
         outflow(flux, fields, here, ratio, up[new], down[new], work)
         if row >= 1:
             old, middle = (row + 1) % 3, (row + 2) % 3
-            parts = (up[middle], down[middle], up[old], down[new])
-            _update(fields, at - stride, parts, flux.vacuum)
+            moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
+            _update(fields, at - stride, moved, flux.vacuum, work[0])
 
 
 @parallel_kernel
@@ -194,11 +217,12 @@ def sweep(
     if axis == -1:
         first, width = first.ravel(), np.ones(first.size, np.int64)
     else:
-        offsets = np.arange(0, first.shape[-1], BUNDLE)
+        bundle = bundle_width(first.shape[-1])
+        offsets = np.arange(0, first.shape[-1], bundle)
         width = np.broadcast_to(
-            np.minimum(BUNDLE, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
+            np.minimum(bundle, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
         ).ravel()
-        first = first[..., ::BUNDLE].ravel()
+        first = first[..., ::bundle].ravel()
     runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
     sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio, left)

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import inline_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, register_flux
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, around, register_flux
 
 Floats = NDArray[np.float64]
 
@@ -94,23 +94,20 @@ def ballistic_outflow(
 ) -> None:
     """`outflow` by ballistic transport; see contract.py."""
     start, width, stride, normal = span
+    densities, above_it, below_it = around(fields, DENSITY, span)
+    momenta, momenta_above, momenta_below = around(fields, normal, span)
     for i in range(width):
-        p = start + i
-        before, here, after = (
-            fields[DENSITY, p - stride],
-            fields[DENSITY, p],
-            fields[DENSITY, p + stride],
-        )
+        before, here, after = below_it[i], densities[i], above_it[i]
         slope = limited(here - before, after - here, _DENSITY_LIMIT, here)
         own = _inverse(here, flux.vacuum)
         centre = slope * own / 12.0
         inverse_before = _inverse(before, flux.vacuum)
         inverse_after = _inverse(after, flux.vacuum)
-        v = fields[normal, p] * own
+        v = momenta[i] * own
         dv = _carried_slope(
-            fields[normal, p - stride] * inverse_before,
+            momenta_below[i] * inverse_before,
             v,
-            fields[normal, p + stride] * inverse_after,
+            momenta_above[i] * inverse_after,
             inverse_before == 0.0,
             inverse_after == 0.0,
         )
@@ -127,13 +124,13 @@ def ballistic_outflow(
         up[DENSITY, i] = above * (here + slope * (0.5 - 0.5 * above))
         down[DENSITY, i] = below * (here - slope * (0.5 - 0.5 * below))
     for k in range(1, fields.shape[0]):
+        contents, contents_above, contents_below = around(fields, k, span)
         for i in range(width):
-            p = start + i
-            value = fields[k, p] * work[3, i]
+            value = contents[i] * work[3, i]
             change = _carried_slope(
-                fields[k, p - stride] * work[4, i],
+                contents_below[i] * work[4, i],
                 value,
-                fields[k, p + stride] * work[5, i],
+                contents_above[i] * work[5, i],
                 work[4, i] == 0.0,
                 work[5, i] == 0.0,
             )

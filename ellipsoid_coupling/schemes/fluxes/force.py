@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import inline_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, register_flux
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, register_flux, run_of
 
 Floats = NDArray[np.float64]
 
@@ -46,35 +46,39 @@ def force_outflow(
 ) -> None:
     """`outflow` by FORCE; see contract.py."""
     start, width, stride, normal = span
-    pressure = flux.pressure
+    pressure, vacuum, half = flux.pressure, flux.vacuum, 0.5 * ratio
+    density_l = run_of(fields, DENSITY, start, width)
+    density_r = run_of(fields, DENSITY, start + stride, width)
+    momentum_l = run_of(fields, normal, start, width)
+    momentum_r = run_of(fields, normal, start + stride, width)
     for i in range(width):
-        p = start + i
-        q = p + stride
-        density_l, density_r = fields[DENSITY, p], fields[DENSITY, q]
-        momentum_l, momentum_r = fields[normal, p], fields[normal, q]
-        v_l = _velocity(momentum_l, density_l, flux.vacuum)
-        v_r = _velocity(momentum_r, density_r, flux.vacuum)
-        middle_density = 0.5 * (density_l + density_r) - 0.5 * ratio * (momentum_r - momentum_l)
-        rise = momentum_r * v_r - momentum_l * v_l + pressure * (density_r - density_l)
-        middle_momentum = 0.5 * (momentum_l + momentum_r) - 0.5 * ratio * rise
+        thin, thick = density_l[i], density_r[i]
+        slow, fast = momentum_l[i], momentum_r[i]
+        v_l = _velocity(slow, thin, vacuum)
+        v_r = _velocity(fast, thick, vacuum)
+        middle_density = 0.5 * (thin + thick) - half * (fast - slow)
+        rise = fast * v_r - slow * v_l + pressure * (thick - thin)
+        middle_momentum = 0.5 * (slow + fast) - half * rise
         work[0, i] = v_l
         work[1, i] = v_r
-        work[2, i] = _velocity(middle_momentum, middle_density, flux.vacuum)
-        work[3, i] = pressure * (density_l + density_r)
+        work[2, i] = _velocity(middle_momentum, middle_density, vacuum)
+        work[3, i] = pressure * (thin + thick)
         work[4, i] = pressure * middle_density
-        work[5, i] = pressure * (density_r - density_l)
+        work[5, i] = pressure * (thick - thin)
     for k in range(fields.shape[0]):
         pressed = 1.0 if k == normal else 0.0
+        lefts = run_of(fields, k, start, width)
+        rights = run_of(fields, k, start + stride, width)
         for i in range(width):
-            left, right = fields[k, start + i], fields[k, start + i + stride]
+            left, right = lefts[i], rights[i]
             flux_l, flux_r = work[0, i] * left, work[1, i] * right
             friedrichs = 0.5 * (flux_l + flux_r + pressed * work[3, i]) - 0.5 / ratio * (
                 right - left
             )
             rise = flux_r - flux_l + pressed * work[5, i]
-            middle = 0.5 * (left + right) - 0.5 * ratio * rise
+            middle = 0.5 * (left + right) - half * rise
             richtmyer = work[2, i] * middle + pressed * work[4, i]
-            up[k, i] = 0.5 * ratio * (friedrichs + richtmyer)
+            up[k, i] = half * (friedrichs + richtmyer)
             down[k, i] = 0.0
 
 

@@ -107,16 +107,20 @@ class AngleGridInteraction:
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         self._spectra = angle_spectra(grid_shape, h, shape, sign * scale, quantity, self._precision)
 
-    def forces(self, density: Array) -> AngleForces:
-        """Force and torque of q `density` (angles, ny, nx), for quantity "forces"."""
-        parts = self._integrals(density)
+    def forces(self, density: Array, extents: Indices | None = None) -> AngleForces:
+        """Force and torque of q `density` (angles, ny, nx), for quantity "forces".
+
+        extents : (angles, ny, 2) int64, optional
+            First and end column of what every row holds; looked for if it is not known.
+        """
+        parts = self._integrals(density, extents)
         return AngleForces(parts[0], parts[1], parts[2] if len(parts) == 3 else None)
 
     def potential(self, density: Array) -> Real:
         """eps0 U * q of `density` (angles, ny, nx), (n, ny, nx), for quantity "potential"."""
         return np.asarray(self._integrals(density)[0])
 
-    def _integrals(self, density: Array) -> Real:
+    def _integrals(self, density: Array, extents: Indices | None = None) -> Real:
         """All components, (components, n, ny, nx)."""
         if density.shape != self.grid_shape:
             raise InputError(
@@ -127,10 +131,13 @@ class AngleGridInteraction:
             )
         shape = self._spectra.odd.size, self.angles, *self.grid_shape[1:]
         out: Real = np.zeros(shape, self._precision)
-        rows, columns = _occupied(density)
+        if extents is None:
+            extents = _occupied(density)
+        rows = extents[..., 1] > 0
         if not rows.any():
             return out
-        box = _span(_any(rows, 0)), _span(_any(columns, 0))
+        columns = slice(int(extents[rows, 0].min()), int(extents[..., 1].max()))
+        box = _span(_any(rows, 0)), columns
         taking_part = _mirrored_angles(_any(_any(rows, 1).reshape(-1, self.angles), 0))
         folded = _fold(density[:, box[0], box[1]], self.angles)
         sources: Real = folded[taking_part.which].astype(self._precision)
@@ -149,19 +156,20 @@ def _span(held: NDArray[np.bool_]) -> slice:
 
 
 @parallel_kernel
-def _occupied(density: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which rows and which columns of every angle hold anything, (angles, ny) and (angles, nx)."""
-    rows = np.zeros((density.shape[0], density.shape[1]), np.bool_)
-    columns = np.zeros((density.shape[0], density.shape[2]), np.bool_)
-    for a in numba.prange(density.shape[0]):
-        for j in range(density.shape[1]):
-            held = False
-            for i in range(density.shape[2]):
-                here = density[a, j, i] != 0.0
-                held |= here
-                columns[a, i] |= here
-            rows[a, j] = held
-    return rows, columns
+def _occupied(density: Array) -> Indices:
+    """First and end column of what every row of every angle holds, (angles, ny, 2); end 0 if none."""
+    angles, rows, _ = density.shape
+    extents = np.zeros((angles, rows, 2), np.int64)
+    for a in numba.prange(angles):
+        for j in range(rows):
+            row = density[a, j]
+            first, end = 0, row.size
+            while first < end and row[first] == 0.0:
+                first += 1
+            while end > first and row[end - 1] == 0.0:
+                end -= 1
+            extents[a, j, 0], extents[a, j, 1] = first, end if end > first else 0
+    return extents
 
 
 def _fold(density: Array, angles: int) -> Array:

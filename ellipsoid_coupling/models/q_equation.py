@@ -40,6 +40,7 @@ from ellipsoid_coupling.schemes.q_grid import (
     QGrid,
     check_angles,
     inside,
+    occupied_extents,
     start_angles,
 )
 from ellipsoid_coupling.schemes.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
@@ -116,7 +117,9 @@ class QEquation:
         if not self.stepper.step(dt, int(self.clock[0, STEPS])):
             return False
         if self._crossing is not None:
-            self._crossing.look(self.system.fields, self.grid.plane.cell, self.time + dt)
+            held = self.system.extents[..., 1] > 0
+            now = self.time + dt
+            self._crossing.look(self.system.fields, self.grid.plane.cell, now, held)
         return True
 
     def _failure(self, status: int) -> RunError:
@@ -160,7 +163,7 @@ class QEquation:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
-        self.system.look_for_mass()
+        self.system.extents = occupied_extents(self.system.fields)
         self.stepper.prepare()
 
     def spot(self) -> Spot:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.kernels import parallel_kernel
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -15,7 +19,7 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
 
     Parameters
     ----------
-    fields : (K, ..., n + 4, ...) float64
+    fields : (K, ..., n + 4, ...) float64, contiguous
         Conserved fields, component first; padded along `axis`.
     axis : int
         The axis to fill, counted on `fields`.
@@ -27,15 +31,29 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
     normal : int
         The component that is the momentum along `axis`.
     """
-    lines = np.moveaxis(fields, axis, 1)
-    n = lines.shape[1]
-    # Layer by layer: the second mirrors the other end's first where there is one cell only.
-    for layer in range(GHOSTS):
-        for edge, inwards in ((GHOSTS, 1), (n - GHOSTS - 1, -1)):
-            mirrored = True if reflecting else lines[normal, edge] * inwards > 0.0
-            ghost = lines[:, edge - inwards * (layer + 1)]
-            ghost[:] = np.where(mirrored, lines[:, edge + inwards * layer], lines[:, edge])
-            ghost[normal] *= np.where(mirrored, -1.0, 1.0)
+    before, n, after = fields.shape[1:axis], fields.shape[axis], fields.shape[axis + 1 :]
+    shape = fields.shape[0], math.prod(before), n, math.prod(after)
+    _fill(np.reshape(fields, shape, copy=False), reflecting, normal)
+
+
+@parallel_kernel
+def _fill(fields: Floats, reflecting: bool, normal: int) -> None:
+    """`fill_ghosts` along the third axis of four."""
+    n = fields.shape[2]
+    for line in numba.prange(fields.shape[1]):
+        # Layer by layer: the second mirrors the other end's first where there is one cell only.
+        for layer in range(GHOSTS):
+            for end in range(2):
+                inwards = 1 - 2 * end
+                edge = GHOSTS if end == 0 else n - GHOSTS - 1
+                ghost, image = edge - inwards * (layer + 1), edge + inwards * layer
+                for i in range(fields.shape[3]):
+                    mirrored = reflecting or fields[normal, line, edge, i] * inwards > 0.0
+                    source = image if mirrored else edge
+                    for k in range(fields.shape[0]):
+                        fields[k, line, ghost, i] = fields[k, line, source, i]
+                    if mirrored:
+                        fields[normal, line, ghost, i] *= -1.0
 
 
 def fill_periodic(fields: Floats, axis: int) -> None:

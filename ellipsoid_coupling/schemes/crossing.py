@@ -33,17 +33,30 @@ _X, _Y = 1, 2
 
 
 @parallel_kernel
-def _largest_jump(fields: Floats, least: float) -> float:
+def _densest(fields: Floats, held: NDArray[np.bool_]) -> float:
+    """The largest density of the rows that are `held`; at least 0."""
+    rows = held.shape[1]
+    largest = np.zeros(held.size)
+    for task in numba.prange(held.size):
+        a, j = task // rows, task % rows
+        if held[a, j]:
+            largest[task] = max(0.0, fields[DENSITY, a, j + GHOSTS].max())
+    return float(largest.max())
+
+
+@parallel_kernel
+def _largest_jump(fields: Floats, held: NDArray[np.bool_], least: float) -> float:
     """The largest v_i - v_{i+1}, along x or y, of neighbours denser than `least`; at least 0.
 
     fields : (K, planes, ny + 4, nx + 4), density and both momenta first; ghosts are left out.
+    held : (planes, ny), the rows that may hold mass.
     """
-    planes, rows = fields.shape[1], fields.shape[2] - 2 * GHOSTS
-    jumps = np.zeros(planes * rows)
-    for task in numba.prange(planes * rows):
+    rows = held.shape[1]
+    jumps = np.zeros(held.size)
+    for task in numba.prange(held.size):
         a, j = task // rows, task % rows + GHOSTS
         largest = 0.0
-        for i in range(GHOSTS, fields.shape[3] - GHOSTS):
+        for i in range(GHOSTS, fields.shape[3] - GHOSTS if held[a, j - GHOSTS] else GHOSTS):
             here = fields[DENSITY, a, j, i]
             if here > least:
                 right, above = fields[DENSITY, a, j, i + 1], fields[DENSITY, a, j + 1, i]
@@ -57,20 +70,27 @@ def _largest_jump(fields: Floats, least: float) -> float:
     return float(jumps.max())
 
 
-def largest_compression(fields: Floats, cell: float) -> float:
+def largest_compression(
+    fields: Floats, cell: float, held: NDArray[np.bool_] | None = None
+) -> float:
     """The largest -dv_x/dx or -dv_y/dy of cells that hold mass, 1/time; 0 without compression.
 
     Parameters
     ----------
     fields : (K, ny + 4, nx + 4) or (K, na + 4, ny + 4, nx + 4) float64
         Padded conserved fields: density and the momenta along x and y first. Ghost planes of the
-        angle may hold anything that its planes hold.
+        angle are left out.
     cell : float
         Cell width h.
+    held : (na, ny) bool, optional
+        The rows that hold any mass, where that is known.
     """
-    planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
-    largest = float(planes[DENSITY].max())
-    return _largest_jump(planes, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
+    inner = fields if fields.ndim == 3 else fields[:, GHOSTS:-GHOSTS]
+    planes = inner.reshape(fields.shape[0], -1, *fields.shape[-2:])
+    if held is None:
+        held = np.ones((planes.shape[1], planes.shape[2] - 2 * GHOSTS), np.bool_)
+    largest = _densest(planes, held)
+    return _largest_jump(planes, held, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
 
 
 class CrossingDetector:
@@ -100,11 +120,13 @@ class CrossingDetector:
         """The crossing time for a model's `counts`; empty where characteristics have not crossed."""
         return {"crossing_time": self.time} if np.isfinite(self.time) else {}
 
-    def look(self, fields: Floats, cell: float, now: float) -> None:
+    def look(
+        self, fields: Floats, cell: float, now: float, held: NDArray[np.bool_] | None = None
+    ) -> None:
         """Take notice of the fields at the time `now`; see `largest_compression`."""
         if np.isfinite(self.memory[_CROSSED]):
             return
-        compression = largest_compression(fields, cell)
+        compression = largest_compression(fields, cell, held)
         if compression <= self._damping:
             return
         grows = compression >= self.memory[_STRONGEST]

@@ -110,26 +110,30 @@ def start_angles(grid: QGrid, angle: float) -> Floats:
 
 
 @parallel_kernel
-def _find_extents(fields: Floats, out: Extents) -> None:
-    rows = out.shape[1]
-    for task in numba.prange(out.shape[0] * rows):
+def _find_extents(fields: Floats, extents: Extents) -> None:
+    rows = extents.shape[1]
+    for task in numba.prange(extents.shape[0] * rows):
         a, j = task // rows, task % rows
-        row = fields[Q, a + GHOSTS, j + GHOSTS]
-        first, end = row.size, 0
-        for i in range(row.size - 2 * GHOSTS):
-            # Written so that NaN counts as mass: it shall be found, not be left out.
-            if not row[i + GHOSTS] <= 0.0:
-                first = min(first, i)
-                end = i + 1
-        out[a, j, 0], out[a, j, 1] = first, end
+        row = fields[Q, a + GHOSTS, j + GHOSTS, GHOSTS:-GHOSTS]
+        first, end = extents[a, j]
+        # Written so that NaN counts as mass: it shall be found, not be left out.
+        while first < end and row[first] <= 0.0:
+            first += 1
+        while end > first and row[end - 1] <= 0.0:
+            end -= 1
+        if first == end:
+            first, end = row.size, 0
+        extents[a, j, 0], extents[a, j, 1] = first, end
 
 
-def occupied_extents(fields: Floats) -> Extents:
+def occupied_extents(fields: Floats, within: Extents | None = None) -> Extents:
     """First and end column of the mass of every row of padded fields, (na, ny, 2).
 
-    The end is not included; a row of vacuum has the end 0.
+    The end is not included; a row of vacuum has the end 0. `within` are extents that hold all mass.
     """
-    extents = np.empty((fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS, 2), np.int64)
+    _, na, ny, nx = inside(fields).shape
+    whole = np.broadcast_to(np.array([0, nx]), (na, ny, 2))
+    extents = np.array(whole if within is None else within)
     _find_extents(fields, extents)
     return extents
 

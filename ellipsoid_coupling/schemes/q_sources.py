@@ -29,12 +29,17 @@ from ellipsoid_coupling.schemes.step_control import CFL, ROTATION
 Floats = NDArray[np.float64]
 
 
+# Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
+
+
 @kernel
 def _add_steady(steady: Floats | None, j: int, first: int, out: Floats) -> None:
     if steady is not None:
+        end = first + out.shape[1]
         for d in range(2):
+            values = steady[d, j, first:end]
             for i in range(out.shape[1]):
-                out[d, i] += steady[d, j, first + i]
+                out[d, i] += values[i]
 
 
 @kernel
@@ -44,9 +49,14 @@ def _add_turning(
     """gamma_bar g - dV2/dtheta at a fixed angle."""
     if turning is not None:
         s2, c2 = math.sin(2.0 * angle), math.cos(2.0 * angle)
+        end = first + out.shape[1]
+        spin, along, across = (
+            turning[0, j, first:end],
+            turning[1, j, first:end],
+            turning[2, j, first:end],
+        )
         for i in range(out.shape[1]):
-            at = first + i
-            out[2, i] += turning[0, j, at] + turning[1, j, at] * s2 + turning[2, j, at] * c2
+            out[2, i] += spin[i] + along[i] * s2 + across[i] * c2
     if amplitude is not None:
         torque = sine_torque(angle, amplitude)
         for i in range(out.shape[1]):
@@ -54,13 +64,14 @@ def _add_turning(
 
 
 @kernel
-def _add_torque(
-    torque: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
+def _add_weighted(
+    values: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
 ) -> None:
-    if torque is not None:
+    if values is not None:
         a, j, first = at
+        here = values[a, j, first : first + out.shape[0]]
         for i in range(out.shape[0]):
-            out[i] += weight * torque[a, j, first + i]
+            out[i] += weight * here[i]
 
 
 @kernel
@@ -68,13 +79,11 @@ def _add_forces(
     forces: AngleForces | None, terms: CellTerms, at: tuple[int, int, int], out: Floats
 ) -> None:
     if forces is not None:
-        a, j, first = at
-        here = a % forces.x.shape[0]
-        for i in range(out.shape[1]):
-            out[0, i] += terms.inverse_mass * forces.x[here, j, first + i]
-            out[1, i] += terms.inverse_mass * forces.y[here, j, first + i]
+        here = at[0] % forces.x.shape[0], at[1], at[2]
+        _add_weighted(forces.x, terms.inverse_mass, here, out[0])
+        _add_weighted(forces.y, terms.inverse_mass, here, out[1])
         if out.shape[0] == 3:
-            _add_torque(forces.torque, terms.inverse_inertia, (here, j, first), out[2])
+            _add_weighted(forces.torque, terms.inverse_inertia, here, out[2])
 
 
 @kernel
@@ -144,6 +153,7 @@ def _shortest_step(
     Where damping holds velocities, dt (|v| + sound + |F/Gamma - v|) = distance if that is longer.
 
     how : sound and damped of `Limits`.
+    out : F and F_bar of the row; overwritten with the step of every cell.
     shortest : (2,) overwritten, for space and for the angle.
     """
     sound, damped = how
@@ -151,24 +161,28 @@ def _shortest_step(
     if distances is None:
         return
     a, j, begin = at
-    q = fields[Q, a, j]
+    width = out.shape[1]
+    q = fields[Q, a, j, begin : begin + width]
     for d in range(distances.size):
-        momentum = fields[QVX + d, a, j]
-        rate, distance, least = rates[d], distances[d], np.inf
-        for i in range(out.shape[1]):
-            here = q[begin + i]
+        momentum = fields[QVX + d, a, j, begin : begin + width]
+        rate, distance, steps = rates[d], distances[d], out[d]
+        for i in range(width):
             # Vacuum is what is not more than 0, so that NaN is none and shows.
-            v = 0.0 if here <= 0.0 else momentum[begin + i] / here
-            pull = 0.0 if here <= 0.0 else abs(out[d, i] - rate * v)
-            speed = 0.0 if here <= 0.0 else abs(v) + sound
+            v = 0.0 if q[i] <= 0.0 else momentum[i] / q[i]
+            pull = 0.0 if q[i] <= 0.0 else abs(steps[i] - rate * v)
+            speed = 0.0 if q[i] <= 0.0 else abs(v) + sound
             root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
             step = 2.0 * distance / root
             held = speed + pull / rate if damped and rate > 0.0 else np.inf
             step = max(step, distance / held) if held > 0.0 else step
             # Not finite counts as a step of length 0, so that the caller notices.
-            least = min(least, step) if step >= 0.0 else 0.0
+            known = step >= 0.0
+            steps[i] = step if known else 0.0
         kind = 1 if d == 2 else 0
-        shortest[kind] = min(shortest[kind], least)
+        least = shortest[kind]
+        for i in range(width):
+            least = min(least, steps[i])
+        shortest[kind] = least
 
 
 @parallel_kernel

@@ -79,11 +79,11 @@ class QSystem:
         # The density that mass 1 has all over the grid, a small part of it.
         self.left = np.zeros(1)
         self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
-        self.look_for_mass()
+        self.extents = occupied_extents(self.fields)
 
     def look_for_mass(self) -> None:
-        """Set the extents to what holds mass now."""
-        self.extents = occupied_extents(self.fields)
+        """Narrow the extents to what holds mass now."""
+        self.extents = occupied_extents(self.fields, self.extents)
 
     def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
         """Move all fields along an axis for dt; the extents grow with them."""
@@ -96,7 +96,7 @@ class QSystem:
         """Interaction and walls at the present density; None without either."""
         if self.interaction is None:
             return self.walls
-        forces = self.interaction.forces(inside(self.fields)[Q])
+        forces = self.interaction.forces(inside(self.fields)[Q], self.extents)
         if self.walls is not None:
             for total, wall in zip(forces, self.walls, strict=True):
                 if total is not None and wall is not None:

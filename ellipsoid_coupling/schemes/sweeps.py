@@ -128,10 +128,13 @@ def _sweep_columns(
 
 
 @kernel
-def _leaving(
+def leaving(
     flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
 ) -> float:
-    """The mass that the step takes out of all runs through their ends, less what it brings in."""
+    """The mass that a step will take out of runs through their ends, less what it will bring in.
+
+    In units of a cell's density; arguments as for `sweep_runs`, which is still to come.
+    """
     starts, counts, widths = runs
     total = 0.0
     for task in range(starts.size):
@@ -157,7 +160,6 @@ def sweep_runs(
     stride: int,
     normal: int,
     ratio: float,
-    left: Floats | None = None,
 ) -> None:
     """Transport of all runs in one direction, in place.
 
@@ -175,11 +177,7 @@ def sweep_runs(
         Component of the momentum along it.
     ratio : float
         dt / h.
-    left : (1,) float64, optional
-        What leaves the runs through their ends is added, in units of a cell's density.
     """
-    if left is not None:
-        left += _leaving(flux, fields, runs, stride, normal, ratio)
     with numba.parallel_chunksize(_CHUNK):
         if stride == 1:
             _sweep_rows(flux, fields, runs, normal, ratio)
@@ -225,4 +223,7 @@ def sweep(
         first = first[..., ::bundle].ravel()
     runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
-    sweep_runs(flux, fields.reshape(components, -1), runs, stride, normal, ratio, left)
+    flat = fields.reshape(components, -1)
+    if left is not None:
+        left += leaving(flux, flat, runs, stride, normal, ratio)
+    sweep_runs(flux, flat, runs, stride, normal, ratio)

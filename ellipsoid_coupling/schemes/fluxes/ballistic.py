@@ -93,7 +93,7 @@ def ballistic_outflow(
     work: Floats,
 ) -> None:
     """`outflow` by ballistic transport; see contract.py."""
-    start, width, stride, normal = span
+    width, normal = span.width, span.normal
     densities, above_it, below_it = around(fields, DENSITY, span)
     momenta, momenta_above, momenta_below = around(fields, normal, span)
     for i in range(width):

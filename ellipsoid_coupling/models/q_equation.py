@@ -40,7 +40,6 @@ from ellipsoid_coupling.schemes.q_grid import (
     QGrid,
     check_angles,
     inside,
-    occupied_extents,
     start_angles,
 )
 from ellipsoid_coupling.schemes.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
@@ -163,7 +162,7 @@ class QEquation:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
-        self.system.extents = occupied_extents(self.system.fields)
+        self.system.look_for_mass()
         self.stepper.prepare()
 
     def spot(self) -> Spot:

@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
-from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel
+from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.schemes.fluxes.contract import run_of
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
@@ -100,7 +101,7 @@ class BalancedHeun:
         axes = system.axes
         for axis in axes if count % 2 == 0 else axes[::-1]:
             self._step_along(axis, self._work(axis, potential), dt)
-        system.look_for_mass()
+        system.narrow_extents()
         if self.largest_step[0] >= _SHORTEST_NEXT * dt:
             return True
         system.fields[:], system.left[:], self.memory[:], system.extents = before
@@ -229,15 +230,26 @@ class _Field(NamedTuple):
     vacuum: float
 
 
-@inline_kernel
-def _source(q: Floats, p: int, stride: int, field: _Field) -> float:
-    """The source h S of the cell p of a flat density."""
+@kernel
+def _sources(q: Floats, first: int, stride: int, field: _Field, out: Floats) -> None:
+    """The sources h S of a run of cells of a flat density, from the cell `first` on: out (width,)."""
     tilt, rest, _, vacuum = field
-    rise, fall = tilt[p], 1.0 / tilt[p - stride]
-    factor = face_factor(q[p - stride], q[p], q[p + stride], rise, fall, vacuum)
-    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
-    push: float = mean * (rise - fall) + 0.5 * (rest[p] + rest[p - stride])
-    return push * float(q[p])
+    width = out.size
+    before, after = first - stride, first + stride
+    # Runs are cut out before the loop, which then reads them in line.
+    q_before, q_here, q_after = (
+        q[before : before + width],
+        q[first : first + width],
+        q[after : after + width],
+    )
+    tilt_up, tilt_down = tilt[first : first + width], tilt[before : before + width]
+    rest_up, rest_down = rest[first : first + width], rest[before : before + width]
+    for i in range(width):
+        rise, fall = tilt_up[i], 1.0 / tilt_down[i]
+        factor = face_factor(q_before[i], q_here[i], q_after[i], rise, fall, vacuum)
+        mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+        push = mean * (rise - fall) + 0.5 * (rest_up[i] + rest_down[i])
+        out[i] = push * q_here[i]
 
 
 @inline_kernel
@@ -266,10 +278,12 @@ def _push(
     for task in numba.prange(extents.shape[0] * rows):
         a, j = task // rows, task % rows
         row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
-        for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
-            source = ratio * _source(old[Q], p, stride, _Field(tilt, rest, axis, vacuum))
-            m = old[normal, p]
-            new[normal, p] = decay * m + first * (new[normal, p] - m + source)
+        start, width = row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
+        source = np.empty(width)
+        _sources(old[Q], start, stride, _Field(tilt, rest, axis, vacuum), source)
+        m, moved = run_of(old, normal, start, width), run_of(new, normal, start, width)
+        for i in range(width):
+            moved[i] = decay * m[i] + first * (moved[i] - m[i] + ratio * source[i])
 
 
 @parallel_kernel
@@ -293,15 +307,20 @@ def _combine(
     for task in numba.prange(extents.shape[0] * rows):
         a, j = task // rows, task % rows
         row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
-        for p in range(row + extents[a, j, 0], row + extents[a, j, 1]):
-            m1 = half[normal, p]
-            source = _source(half[Q], p, stride, _Field(tilt, rest, axis, vacuum))
-            change = new[normal, p] - m1 + ratio * source
-            change -= (m1 - decay * old[normal, p]) / first
-            for k in range(fields.shape[0]):
-                new[k, p] = 0.5 * (old[k, p] + new[k, p])
-            new[normal, p] = m1 + second * change
-            if new[Q, p] <= vacuum:
-                # A mean of mass and vacuum never gets there by itself; its velocity is any.
-                for k in range(fields.shape[0]):
-                    new[k, p] = 0.0
+        start, width = row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
+        momentum = np.empty(width)
+        _sources(half[Q], start, stride, _Field(tilt, rest, axis, vacuum), momentum)
+        m0, m1 = run_of(old, normal, start, width), run_of(half, normal, start, width)
+        moved = run_of(new, normal, start, width)
+        for i in range(width):
+            change = moved[i] - m1[i] + ratio * momentum[i]
+            change -= (m1[i] - decay * m0[i]) / first
+            momentum[i] = m1[i] + second * change
+        q0, q2 = run_of(old, Q, start, width), run_of(new, Q, start, width)
+        # The density last, since it tells which cells are to be emptied: a mean of mass and vacuum
+        # never gets there by itself, and its velocity is any.
+        for k in range(fields.shape[0] - 1, -1, -1):
+            u0, u2 = run_of(old, k, start, width), run_of(new, k, start, width)
+            for i in range(width):
+                mean = momentum[i] if k == normal else 0.5 * (u0[i] + u2[i])
+                u2[i] = 0.0 if 0.5 * (q0[i] + q2[i]) <= vacuum else mean

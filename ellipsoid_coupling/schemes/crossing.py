@@ -40,7 +40,7 @@ def _densest(fields: Floats, held: NDArray[np.bool_]) -> float:
     for task in numba.prange(held.size):
         a, j = task // rows, task % rows
         if held[a, j]:
-            largest[task] = max(0.0, fields[DENSITY, a, j + GHOSTS].max())
+            largest[task] = max(0.0, fields[DENSITY, a, j + GHOSTS, GHOSTS:-GHOSTS].max())
     return float(largest.max())
 
 

@@ -79,10 +79,14 @@ class QSystem:
         # The density that mass 1 has all over the grid, a small part of it.
         self.left = np.zeros(1)
         self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
-        self.extents = occupied_extents(self.fields)
+        self.look_for_mass()
 
     def look_for_mass(self) -> None:
-        """Narrow the extents to what holds mass now."""
+        """Set the extents to what holds mass now, wherever it is."""
+        self.extents = occupied_extents(self.fields)
+
+    def narrow_extents(self) -> None:
+        """Set the extents to what holds mass now, all of which lies within them."""
         self.extents = occupied_extents(self.fields, self.extents)
 
     def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
@@ -176,7 +180,7 @@ class Godunov(_Forced):
         flux = Force(system.pressure)
         for axis in system.axes:
             system.transport(flux, axis, dt)
-        system.look_for_mass()
+        system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
         self._allowed = step_implicitly(*here, dt, system.limits())
@@ -202,7 +206,7 @@ class KickDriftKick(_Forced):
         kick_exactly(system.fields, system.extents, system.terms, self.forces, 0.5 * dt)
         for axis in system.axes if count % 2 == 0 else system.axes[::-1]:
             system.transport(flux, axis, dt)
-        system.look_for_mass()
+        system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
         self._allowed = kick_exactly(*here, 0.5 * dt, system.limits())

@@ -36,8 +36,12 @@ def test_compression_of_a_linear_velocity_is_its_slope(axis: int) -> None:
     interior(fields)[0, 0, 0] = 1e-6
     interior(fields)[1, 0, 0] = 1.0
     assert largest_compression(fields, H) == pytest.approx(1.0, rel=1e-12)
-    stacked = np.stack([np.zeros_like(fields), fields], axis=1)
+    ghost, empty = np.full_like(fields, 7.0), np.zeros_like(fields)
+    stacked = np.stack([ghost, ghost, empty, fields, ghost, ghost], axis=1)
     assert largest_compression(stacked, H) == pytest.approx(1.0, rel=1e-12)
+    held = np.array([[False], [True]]) & np.ones(24, np.bool_)
+    assert largest_compression(stacked, H, held) == pytest.approx(1.0, rel=1e-12)
+    assert largest_compression(stacked, H, ~held) == 0.0
 
 
 def test_expansion_and_vacuum_are_no_compression() -> None:

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.kernels import inline_kernel
 from ellipsoid_coupling.physics.potential import exp_of_negative
 from ellipsoid_coupling.schemes.fluxes.ballistic import limited
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, register_flux
+from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, around, register_flux
 
 Floats = NDArray[np.float64]
 
@@ -123,27 +123,21 @@ def kinetic_outflow(
     work: Floats,
 ) -> None:
     """`outflow` by the kinetic flux; see contract.py."""
-    start, width, stride, normal = span
+    width, normal = span.width, span.normal
+    densities, densities_above, densities_below = around(fields, DENSITY, span)
+    momenta, momenta_above, momenta_below = around(fields, normal, span)
+    tilt_up = flux.tilt[span.start : span.start + width]
+    tilt_down = flux.tilt[span.start - span.stride : span.start - span.stride + width]
     for i in range(width):
-        p = start + i
-        before, here, after = (
-            fields[DENSITY, p - stride],
-            fields[DENSITY, p],
-            fields[DENSITY, p + stride],
-        )
-        rise, fall = flux.tilt[p], 1.0 / flux.tilt[p - stride]
+        before, here, after = densities_below[i], densities[i], densities_above[i]
+        rise, fall = tilt_up[i], 1.0 / tilt_down[i]
         factor = face_factor(before, here, after, rise, fall, flux.vacuum)
         filled = min(before, here, after) > flux.vacuum
         own = 1.0 / here if here > flux.vacuum else 0.0
         inverse_before = 1.0 / before if before > flux.vacuum else 0.0
         inverse_after = 1.0 / after if after > flux.vacuum else 0.0
-        v = fields[normal, p] * own
-        dv = _slope(
-            fields[normal, p - stride] * inverse_before,
-            v,
-            fields[normal, p + stride] * inverse_after,
-            filled,
-        )
+        v = momenta[i] * own
+        dv = _slope(momenta_below[i] * inverse_before, v, momenta_above[i] * inverse_after, filled)
         # The centre of mass of an exponential profile, to second order.
         at_top, at_bottom = factor * rise, fall / factor
         centre = (at_top - at_bottom) / 12.0
@@ -164,13 +158,13 @@ def kinetic_outflow(
         work[4, i] = 1.0 if filled else 0.0
     for k in range(1, fields.shape[0]):
         if k != normal:
+            contents, contents_above, contents_below = around(fields, k, span)
             for i in range(width):
-                p = start + i
-                value = fields[k, p] * work[1, i]
+                value = contents[i] * work[1, i]
                 change = _slope(
-                    fields[k, p - stride] * work[2, i],
+                    contents_below[i] * work[2, i],
                     value,
-                    fields[k, p + stride] * work[3, i],
+                    contents_above[i] * work[3, i],
                     work[4, i] > 0.0,
                 )
                 up[k, i] = up[DENSITY, i] * (value + change * (0.5 - work[0, i]))

@@ -34,6 +34,7 @@ from ellipsoid_coupling.interaction.spectra import (
     Real,
     precision_for,
     stride,
+    sum_products,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
@@ -247,25 +248,10 @@ def _multiply_rows(
     for c in range(signs.shape[1]):
         odd, sign = signs[0, c] == 1, signs[1, c]
         for a in range(count):
-            sums[:] = 0.0
-            row = block[c, angles.which[a]]
-            for b in range(count):
-                _add_product(sums, row[angles.which[b], :padded], source[b])
+            sum_products(block[c, angles.which[a]], angles.which, source, sums)
             for j in range(n):
                 k = frequencies[j]
                 up = complex(sums[0, j], sums[1, j])
                 down = complex(sign * sums[2, j], sign * sums[3, j])
                 fields[c, angles.mirror[a], minus, k] = 1j * down if odd else down
                 fields[c, a, plus, k] = 1j * up if odd else up
-
-
-@kernel
-def _add_product(sums: Real, factor: Real, source: Real) -> None:
-    """sums[part] += factor source[part] for the four parts: real and imaginary, ky and -ky."""
-    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
-    e, f, g, h = source[0], source[1], source[2], source[3]
-    for j in range(factor.size):
-        a[j] += factor[j] * e[j]
-        b[j] += factor[j] * f[j]
-        c[j] += factor[j] * g[j]
-        d[j] += factor[j] * h[j]

@@ -26,6 +26,7 @@ from ellipsoid_coupling.interaction.spectra import (
     basis_parity,
     precision_for,
     stride,
+    sum_products,
     transform,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
@@ -143,11 +144,10 @@ def _multiply_rows(
             source[q, 0, j], source[q, 1, j] = up.real, up.imag
             source[q, 2, j], source[q, 3, j] = parity * down.real, parity * down.imag
     sums = np.empty((4, padded), block.dtype)
+    every = np.arange(functions)
     for c in range(components):
         for p in range(functions):
-            sums[:] = 0.0
-            for q in range(functions):
-                _add_product(sums, block[c, p, q, :padded], source[q])
+            sum_products(block[c, p], every, source, sums)
             parity = parities[c, p]
             for j in range(n):
                 k = frequencies[j]
@@ -156,18 +156,6 @@ def _multiply_rows(
                 # The transform of the force's odd kernel is imaginary.
                 fields[c, p, minus, k] = down if c == 2 else 1j * down
                 fields[c, p, plus, k] = up if c == 2 else 1j * up
-
-
-@kernel
-def _add_product(sums: Real, factor: Real, source: Real) -> None:
-    """sums[part] += factor source[part] for the four parts: real and imaginary, ky and -ky."""
-    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
-    e, f, g, h = source[0], source[1], source[2], source[3]
-    for j in range(factor.size):
-        a[j] += factor[j] * e[j]
-        b[j] += factor[j] * f[j]
-        c[j] += factor[j] * g[j]
-        d[j] += factor[j] * h[j]
 
 
 @parallel_kernel

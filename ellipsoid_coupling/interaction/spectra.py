@@ -21,13 +21,14 @@ from scipy import fft
 
 from ellipsoid_coupling.interaction.angular import AngularSeries
 from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.kernels import kernel
 
 Real = NDArray[np.floating]
 Indices = NDArray[np.int64]
 Precision = type[np.float32] | type[np.float64]
 
 # Rows of blocks are padded to a multiple of this, so that no loop over them ends in single steps.
-LANES = 32
+LANES = 16
 
 # Coarsest first: the grid of frequencies can be thinned by these factors.
 STRIDES = (4, 2, 1)
@@ -156,3 +157,30 @@ def _turn(blocks: Array, alpha: Array) -> Array:
     blocks[:, 0] = c * radial - s * tangential
     blocks[:, 1] = s * radial + c * tangential
     return blocks
+
+
+@kernel
+def sum_products(factors: Real, which: Indices, sources: Real, sums: Real) -> None:
+    """sums[part] = sum_b factors[which[b]] sources[b, part], at all frequencies of a row.
+
+    Parameters
+    ----------
+    factors : (functions, padded kx) float64 or float32
+    which : (m,) int64
+    sources : (m, 4, kx)
+        Four parts: real and imaginary, of ky and of -ky.
+    sums : (4, kx)
+        Overwritten.
+    """
+    sums[:] = 0.0
+    n = sums.shape[1]
+    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
+    for k in range(which.size):
+        # One loop reads every factor once for all four parts.
+        factor = factors[which[k], :n]
+        e, f, g, h = sources[k, 0], sources[k, 1], sources[k, 2], sources[k, 3]
+        for j in range(n):
+            a[j] += factor[j] * e[j]
+            b[j] += factor[j] * f[j]
+            c[j] += factor[j] * g[j]
+            d[j] += factor[j] * h[j]

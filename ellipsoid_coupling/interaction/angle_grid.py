@@ -21,9 +21,8 @@ from scipy import fft
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.angle_spectra import (
-    AngleSpectra,
+    AngleKernels,
     Quantity,
-    angle_spectra,
     distinct_angles,
 )
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
@@ -33,7 +32,6 @@ from ellipsoid_coupling.interaction.spectra import (
     Precision,
     Real,
     precision_for,
-    stride,
     sum_products,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
@@ -106,7 +104,7 @@ class AngleGridInteraction:
         scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
         sign = -1.0 if quantity == "forces" else 1.0
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
-        self._spectra = angle_spectra(grid_shape, h, shape, sign * scale, quantity, self._precision)
+        self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
 
     def forces(self, density: Array, extents: Indices | None = None) -> AngleForces:
         """Force and torque of q `density` (angles, ny, nx), for quantity "forces".
@@ -130,7 +128,7 @@ class AngleGridInteraction:
                 f"{density.shape}",
                 "Make the interaction anew for another grid.",
             )
-        shape = self._spectra.odd.size, self.angles, *self.grid_shape[1:]
+        shape = self._kernels.odd.size, self.angles, *self.grid_shape[1:]
         out: Real = np.zeros(shape, self._precision)
         if extents is None:
             extents = _occupied(density)
@@ -142,7 +140,7 @@ class AngleGridInteraction:
         taking_part = _mirrored_angles(_any(_any(rows, 1).reshape(-1, self.angles), 0))
         folded = _fold(density[:, box[0], box[1]], self.angles)
         sources: Real = folded[taking_part.which].astype(self._precision)
-        out[:, taking_part.which, box[0], box[1]] = _convolve(self._spectra, sources, taking_part)
+        out[:, taking_part.which, box[0], box[1]] = _convolve(self._kernels, sources, taking_part)
         return out
 
 
@@ -186,19 +184,17 @@ def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
     return _Angles(which, place[-which % holding.size])
 
 
-def _convolve(spectra: AngleSpectra, sources: Real, angles: _Angles) -> Real:
+def _convolve(kernels: AngleKernels, sources: Real, angles: _Angles) -> Real:
     """Sources (m, rows, columns) to fields (components, m, rows, columns)."""
     workers = numba.get_num_threads()
     count, rows, columns = sources.shape
-    y_stride = stride(spectra.padded[0], rows, spectra.cells)
-    x_stride = stride(spectra.padded[1], columns, spectra.cells)
-    py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
+    spectra = kernels.spectra(rows, columns)
+    py, px = spectra.padded
     waves = fft.rfft(sources, px, axis=2, workers=workers)
     waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
-    frequencies = spectra.order[: px // 2 + 1] // x_stride
-    fields = np.empty((spectra.odd.size, count, py, px // 2 + 1), waves.dtype)
-    signs = np.stack([spectra.odd, spectra.mirrored])
-    _multiply(spectra.blocks, y_stride, frequencies, signs, angles, waves, fields)
+    fields = np.empty((kernels.odd.size, count, py, px // 2 + 1), waves.dtype)
+    signs = np.stack([kernels.odd, kernels.mirrored])
+    _multiply(spectra.blocks, signs, angles, waves, fields)
     # Rows beyond the occupied ones are dropped before the transform along x.
     fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
     return np.asarray(fft.irfft(fields, px, axis=3, workers=workers)[..., :columns])
@@ -207,8 +203,6 @@ def _convolve(spectra: AngleSpectra, sources: Real, angles: _Angles) -> Real:
 @parallel_kernel
 def _multiply(
     blocks: Real,
-    y_stride: int,
-    frequencies: Indices,
     signs: Indices,
     angles: _Angles,
     waves: Complex,
@@ -219,14 +213,12 @@ def _multiply(
     which, mirror = angles
     for ky in numba.prange(py // 2 + 1):
         rows = ky, (py - ky) % py
-        block = blocks[ky * y_stride]
-        _multiply_rows(block, frequencies, signs, _Angles(which, mirror), waves, fields, rows)
+        _multiply_rows(blocks[ky], signs, _Angles(which, mirror), waves, fields, rows)
 
 
 @kernel
 def _multiply_rows(
     block: Real,
-    frequencies: Indices,
     signs: Indices,
     angles: _Angles,
     waves: Complex,
@@ -234,14 +226,14 @@ def _multiply_rows(
     rows: tuple[int, int],
 ) -> None:
     """Both ky and -ky: the block of -ky is that of ky between the mirrored angles."""
-    count, n = angles.which.size, frequencies.size
+    count, n = angles.which.size, waves.shape[2]
     padded = -(-n // LANES) * LANES
     plus, minus = rows
     source = np.zeros((count, 4, padded), block.dtype)
     for b in range(count):
         mirrored = angles.mirror[b]
         for j in range(n):
-            up, down = waves[b, plus, frequencies[j]], waves[mirrored, minus, frequencies[j]]
+            up, down = waves[b, plus, j], waves[mirrored, minus, j]
             source[b, 0, j], source[b, 1, j] = up.real, up.imag
             source[b, 2, j], source[b, 3, j] = down.real, down.imag
     sums = np.empty((4, padded), block.dtype)
@@ -250,8 +242,7 @@ def _multiply_rows(
         for a in range(count):
             sum_products(block[c, angles.which[a]], angles.which, source, sums)
             for j in range(n):
-                k = frequencies[j]
                 up = complex(sums[0, j], sums[1, j])
                 down = complex(sign * sums[2, j], sign * sums[3, j])
-                fields[c, angles.mirror[a], minus, k] = 1j * down if odd else down
-                fields[c, a, plus, k] = 1j * up if odd else up
+                fields[c, angles.mirror[a], minus, j] = 1j * down if odd else down
+                fields[c, a, plus, j] = 1j * up if odd else up

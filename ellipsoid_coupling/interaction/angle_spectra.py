@@ -9,16 +9,19 @@ Angle cells are centred on multiples of their width, so that y -> -y maps cell a
 
     K_ab(k_x, -k_y) = +-K_{-a,-b}(k_x, k_y)
 
-and ky >= 0 is enough. Frequencies are ordered as in `spectra`, so that thinned-out ones come first.
+and ky >= 0 is enough. Mass that fills a part of the grid needs shorter transforms only: the sampled
+kernels are kept (`AngleKernels`), and their spectra made for one length of a ladder at a time.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
@@ -30,6 +33,8 @@ Quantity = Literal["forces", "potential"]
 
 # Blocks larger than this are not made.
 MOST_BYTES = 3e9
+# Lengths of transforms: each some 0.8 of the next longer one, down to a tenth of the longest.
+_STEP, _RUNGS = 0.8, 11
 
 
 class AngleSpectra(NamedTuple):
@@ -40,22 +45,12 @@ class AngleSpectra(NamedTuple):
     blocks : (Py//2 + 1, components, n, n, padded Px//2 + 1) float64 or float32
         Axis order (ky, component, target angle, source angle, kx), without the factor i of the
         force; scaled with the given factor.
-    odd, mirrored : (components,) int64
-        1 where the kernel is odd in delta, else 0; its sign, 1 or -1, under y -> -y.
     padded : (Py, Px)
-        Lengths of the transforms, multiples of 4.
-    cells : int
-        Reach of the potential in cells.
-    order : (Px//2 + 1,) int64
-        kx of the last axis.
+        Lengths of the transforms, even.
     """
 
     blocks: Real
-    odd: Indices
-    mirrored: Indices
     padded: tuple[int, int]
-    cells: int
-    order: Indices
 
 
 class _Component(NamedTuple):
@@ -81,21 +76,15 @@ def distinct_angles(angles: int, shape: PotentialShape) -> int:
     return angles // 2 if angles % 2 == 0 else angles
 
 
-def angle_spectra(
-    grid_shape: tuple[int, int, int],
-    h: float,
-    shape: PotentialShape,
-    scale: float,
-    quantity: Quantity,
-    precision: Precision = np.float64,
-) -> AngleSpectra:
-    """The spectra of `scale` times the potential's gradient, or the potential.
+class AngleKernels:
+    """`scale` times the potential's gradient, or the potential, and its spectra.
 
     Parameters
     ----------
     grid_shape : (angles, ny, nx)
     h : float
         Spacing in x and y.
+    shape : PotentialShape
     scale : float
         Factor on everything; -eps0 h^2 k makes forces.
     quantity : "forces" or "potential"
@@ -103,32 +92,81 @@ def angle_spectra(
     precision : np.float32 or np.float64
         What the blocks are kept in; they are computed in double precision.
 
+    Attributes
+    ----------
+    odd, mirrored : (components,) int64
+        1 where the kernel is odd in delta, else 0; its sign, 1 or -1, under y -> -y.
+
     Raises
     ------
     InputError
-        If the blocks take more than 3 GB.
+        If the blocks of the whole grid take more than 3 GB.
     """
-    angles, ny, nx = grid_shape
-    n = distinct_angles(angles, shape)
-    widths = half_widths(shape, h)
-    cells = widths.size - 1
-    padded = padded_length(ny, cells), padded_length(nx, cells)
-    torque = () if shape.shape_factor == 0.0 else _TORQUE
-    components = _POTENTIAL if quantity == "potential" else _FORCE + torque
-    kx = np.arange(padded[1] // 2 + 1)
-    order = np.concatenate([kx[0::4], kx[2::4], kx[1::2]])
-    columns = -(-kx.size // LANES) * LANES
-    size = padded[0] // 2 + 1, len(components), n, n, columns
-    _check_memory(size, grid_shape, precision)
-    double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
-    blocks: Real = np.zeros(size, precision)
-    for c, component in enumerate(components):
-        samples = np.zeros((cells + 1, n, n, 2 * cells + 1))
+
+    def __init__(
+        self,
+        grid_shape: tuple[int, int, int],
+        h: float,
+        shape: PotentialShape,
+        scale: float,
+        quantity: Quantity,
+        precision: Precision = np.float64,
+    ) -> None:
+        angles, ny, nx = grid_shape
+        widths = half_widths(shape, h)
+        self._cells, self._precision = widths.size - 1, precision
+        self._longest = padded_length(ny, self._cells), padded_length(nx, self._cells)
+        torque = () if shape.shape_factor == 0.0 else _TORQUE
+        self._components = _POTENTIAL if quantity == "potential" else _FORCE + torque
+        self.odd, self.mirrored = np.array([[c.odd, c.mirrored] for c in self._components]).T.copy()
+        n = distinct_angles(angles, shape)
+        _check_memory(self._block_shape(self._longest, n), grid_shape, precision)
+        double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
         turned = np.cos(double), np.sin(double)
-        _sample(h, widths, tuple(shape), *turned, component.entry, samples)
-        blocks[:, c, ..., : kx.size] = scale * _transform(samples, order, padded, component.odd)
-    odd, mirrored = np.array([[c.odd, c.mirrored] for c in components]).T.copy()
-    return AngleSpectra(blocks, odd, mirrored, padded, cells, order)
+        offsets = self._cells + 1, 2 * self._cells + 1
+        self._samples = np.zeros((len(self._components), n, n, *offsets))
+        for component, samples in zip(self._components, self._samples, strict=True):
+            _sample(h, widths, tuple(shape), *turned, component.entry, samples)
+        self._samples *= scale
+        self._made: dict[tuple[int, int], AngleSpectra] = {}
+
+    def _block_shape(self, padded: tuple[int, int], n: int) -> tuple[int, ...]:
+        columns = -(-(padded[1] // 2 + 1) // LANES) * LANES
+        return padded[0] // 2 + 1, len(self._components), n, n, columns
+
+    def spectra(self, rows: int, columns: int) -> AngleSpectra:
+        """For so many rows and columns of occupied cells; the last two that were asked for are kept.
+
+        Which lengths are taken follows from the numbers alone, not from what was asked before.
+        """
+        needed = rows + self._cells, columns + self._cells
+        padded = fitting_lengths(needed, self._longest)
+        spectra = self._made.pop(padded, None) or self._make(padded)
+        self._made[padded] = spectra
+        if len(self._made) > 2:
+            del self._made[next(iter(self._made))]
+        return spectra
+
+    def _make(self, padded: tuple[int, int]) -> AngleSpectra:
+        n = self._samples.shape[1]
+        blocks: Real = np.zeros(self._block_shape(padded, n), self._precision)
+        for c, (samples, odd) in enumerate(zip(self._samples, self.odd, strict=True)):
+            _transform(samples, padded, odd, blocks, c)
+        return AngleSpectra(blocks, padded)
+
+
+def fitting_lengths(needed: tuple[int, int], longest: tuple[int, int]) -> tuple[int, int]:
+    """The shortest fast even lengths, `_STEP**rung` of the longest ones, that hold what is needed.
+
+    Both go down together, so that a cloud that grows passes each rung once.
+    """
+    fitting = longest
+    for rung in range(1, _RUNGS):
+        y, x = (2 * fft.next_fast_len(math.ceil(n * _STEP**rung / 2), real=True) for n in longest)
+        if y < needed[0] or x < needed[1]:
+            break
+        fitting = y, x
+    return fitting
 
 
 def _check_memory(
@@ -144,21 +182,44 @@ def _check_memory(
         )
 
 
-def _transform(samples: Array, order: Indices, padded: tuple[int, int], odd: int) -> Array:
-    """The cosine or sine sum of half the offsets, (R + 1, n, n, 2 R + 1), at ky >= 0 and all kx.
+def _transform(samples: Array, padded: tuple[int, int], odd: int, blocks: Real, c: int) -> None:
+    """The cosine or sine sum of half the offsets, (n, n, R + 1, 2 R + 1): blocks[:, c] overwritten.
 
     Offsets with j < 0 mirror those with j > 0, which therefore count twice.
     """
-    cells = samples.shape[0] - 1
-    cos_x, sin_x = _waves(np.arange(-cells, cells + 1), order, padded[1])
-    cos_y, sin_y = _waves(np.arange(cells + 1), np.arange(padded[0] // 2 + 1), padded[0])
-    cos_y[1:] *= 2.0
-    sin_y[1:] *= 2.0
+    cells = samples.shape[2] - 1
+    kx, ky = np.arange(padded[1] // 2 + 1), np.arange(padded[0] // 2 + 1)
+    along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
+    across = _waves(np.arange(cells + 1), ky, padded[0])
+    for waves in across:
+        waves[1:] *= 2.0
     rows = samples.reshape(-1, samples.shape[-1])
-    cosine = (rows @ cos_x).reshape(cells + 1, -1)
-    sine = (rows @ sin_x).reshape(cells + 1, -1)
-    whole = sin_y.T @ cosine + cos_y.T @ sine if odd else cos_y.T @ cosine - sin_y.T @ sine
-    return np.asarray(whole).reshape(-1, *samples.shape[1:3], order.size)
+    cosine, sine = (rows @ waves for waves in along)
+    shape = *samples.shape[:3], kx.size
+    # cos(a + b) and sin(a + b) from those of a and b.
+    pair = (across[1], across[0]) if odd else (across[0], -across[1])
+    _add_rows(cosine.reshape(shape), sine.reshape(shape), *pair, blocks, c)
+
+
+@parallel_kernel
+def _add_rows(
+    cosine: Array, sine: Array, with_cosine: Array, with_sine: Array, blocks: Real, c: int
+) -> None:
+    """blocks[ky, c] = sum_j with_cosine[j, ky] cosine[..., j, :] + with_sine[j, ky] sine[..., j, :]."""
+    for ky in numba.prange(blocks.shape[0]):
+        n, width = cosine.shape[0], cosine.shape[3]
+        total = np.empty(width)
+        for a in range(n):
+            for b in range(n):
+                total[:] = 0.0
+                for j in range(cosine.shape[2]):
+                    first, second = with_cosine[j, ky], with_sine[j, ky]
+                    even, uneven = cosine[a, b, j], sine[a, b, j]
+                    for k in range(width):
+                        total[k] += first * even[k] + second * uneven[k]
+                row = blocks[ky, c, a, b]
+                for k in range(width):
+                    row[k] = total[k]
 
 
 def _waves(offsets: Indices, frequency: Indices, length: int) -> tuple[Array, Array]:
@@ -178,13 +239,13 @@ def _sample(
     entry: int,
     out: Array,
 ) -> None:
-    """One entry of `pair_potential` at the offsets (j, i), j >= 0: out[j, a, b, R + i]."""
+    """One entry of `pair_potential` at the offsets (j, i), j >= 0: out[a, b, j, R + i]."""
     shape_factor, size, reach, bluntness = shape
     n = cosines.size
-    for task in numba.prange(out.shape[0] * n):
+    for task in numba.prange(out.shape[2] * n):
         j, a = task // n, task % n
         constants = PotentialShape(shape_factor, size, reach, bluntness)
-        _sample_offsets((h, j, widths[j], entry), (cosines, sines), a, constants, out[j, a])
+        _sample_offsets((h, j, widths[j], entry), (cosines, sines), a, constants, out[a, :, j])
 
 
 @kernel

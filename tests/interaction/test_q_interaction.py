@@ -150,3 +150,39 @@ def test_bad_grids_and_densities_are_refused(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(spectra, "MOST_BYTES", 1e3)
     with pytest.raises(InputError, match="fewer angle cells"):
         interaction(6, 2.0)
+
+
+def test_lengths_follow_the_mass_and_hold_it_with_the_reach() -> None:
+    """Short enough to gain, fast, even, never longer than the whole grid's, the same every time."""
+    longest = 180, 120
+    for rows in range(1, 181):
+        needed = rows, min(rows, 120)
+        fitting = spectra.fitting_lengths(needed, longest)
+        for length, least, most in zip(fitting, needed, longest, strict=True):
+            assert least <= length <= most
+            assert length % 2 == 0
+        # A rung is 0.8 of the next; rounding up to a fast length adds at most a tenth here. Both
+        # lengths are of one rung, that of the fuller direction.
+        fullest = max(n / most for n, most in zip(needed, longest, strict=True))
+        assert fitting[0] <= max(fullest * 180 / 0.8 * 1.1, 22)
+
+
+def test_a_growing_cloud_changes_its_transforms_and_nothing_else() -> None:
+    """One object through several lengths, back and forth: each the direct length's to rounding."""
+    shape = potential_shape(LENGTH, 0.05)
+    large = np.zeros((6, 40, 44))
+    whole = AngleGridInteraction(large.shape, H, shape, STRENGTH)
+    for width in (2, 9, 20, 38, 9):
+        q = np.zeros_like(large)
+        q[:, :width, :width] = np.random.default_rng(width).random((6, width, width))
+        fresh = AngleGridInteraction(large.shape, H, shape, STRENGTH).forces(q)
+        full = AngleGridInteraction(large.shape, H, shape, STRENGTH)
+        everywhere = np.broadcast_to(np.array([0, 44]), (6, 40, 2))
+        for one, other, third in zip(
+            whole.forces(q), fresh, full.forces(q, everywhere), strict=True
+        ):
+            assert one is not None
+            assert third is not None
+            np.testing.assert_array_equal(one, other)
+            miss = np.abs(one - third)[:, :width, :width].max()
+            assert miss <= 1e-13 * np.abs(third).max()

@@ -11,7 +11,7 @@ import functools
 import hashlib
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Self, TypeVar, cast
@@ -132,18 +132,23 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
     """Run ``task(0) .. task(count - 1)`` on numba's number of threads; tasks must be independent.
 
     For kernels that release the lock of Python and take nested tuples, which ``prange`` cannot. The
-    first task runs alone, so that a kernel is compiled once.
+    calling thread takes its share. Numba's own lock sees to it that a kernel is compiled once.
     """
-    if count == 0:
-        return
-    task(0)
-    workers = numba.get_num_threads()
-    if workers == 1:
-        for k in range(1, count):
+    # One iterator for all threads, which hands out each number once: a job a thread, not one a task.
+    left = iter(range(count))
+
+    def work() -> None:
+        for k in left:
             task(k)
-        return
-    for _ in _threads(workers).map(task, range(1, count)):
-        pass
+
+    helpers = min(numba.get_num_threads(), count) - 1
+    jobs = [_threads(helpers).submit(work) for _ in range(helpers)]
+    try:
+        work()
+    finally:
+        wait(jobs)
+    for job in jobs:
+        job.result()
 
 
 # Numba ships half of its types: this class has none.

@@ -146,20 +146,52 @@ def _large_clouds_row(sizes: Sizes) -> Row:
 
 
 def _samples_row(sizes: Sizes) -> Row:
+    """Samples all over the cavity, and in its start box, where the grid's transforms are short."""
     interaction = SampleInteraction((0.0, 1.0), (0.0, 1.0), SHAPE, WIDTH, 1.0, 2e-2)
-    each = []
-    for count in sizes.samples:
-        place = np.ascontiguousarray(cloud(count, 1.0)[0].reshape(3, -1, 1000).transpose(1, 0, 2))
-        force = np.zeros_like(place)
-        work = partial(interaction.add_forces, place, (1.0, 1.0), force)
-        time = seconds(work, min(sizes.repeats, 3))
-        each.append(1e9 * time / count)
+    told: list[str] = []
+    numbers: dict[str, float] = {}
+    for where, side in (("box", 0.2), ("cavity", 1.0)):
+        each = []
+        for count in sizes.samples:
+            place = cloud(count, side)[0]
+            place[:2] += 0.5 * (1.0 - side)
+            place = np.ascontiguousarray(place.reshape(3, -1, 1000).transpose(1, 0, 2))
+            force = np.zeros_like(place)
+            work = partial(interaction.add_forces, place, (1.0, 1.0), force)
+            each.append(1e9 * seconds(work, min(sizes.repeats, 3)) / count)
+        told.append(f"{where} {' / '.join(f'{t:.0f}' for t in each)}")
+        numbers |= {f"{where}_ns_{n}": t for n, t in zip(sizes.samples, each, strict=True)}
     return Row(
         "mckean_vlasov, interaction, S = " + ", ".join(f"{n:.0e}" for n in sizes.samples),
         "cost per sample flat within 15 %",
-        " / ".join(f"{t:.0f}" for t in each) + " ns a sample and evaluation",
+        "; ".join(told) + " ns a sample and evaluation",
         "falls while the grid's transforms are shared by more samples",
-        {f"ns_{count}": value for count, value in zip(sizes.samples, each, strict=True)},
+        numbers,
+    )
+
+
+def _flight_row(sizes: Sizes) -> Row:
+    """Samples without interaction: whole steps, start and end apart."""
+    settings = {"numerics.tolerance": 1e-2, "flow.cells": 32, "particles.number": 1000}
+    flow = scene_flow(load_scene("cavity_free", settings))
+    each = []
+    for count in sizes.samples[:3]:
+        own = settings | {"particles.realisations": count // 1000}
+        spent, steps = [], []
+        for end in (0.02, 1.0, 0.02, 1.0):
+            scene = load_scene("cavity_free", own | {"times": [end]})
+            result = simulate(scene, "mckean_vlasov", flow=flow)
+            spent.append(float(result.attributes["wall_seconds"]))
+            steps.append(float(result.attributes["steps"]))
+        # The first two warm up.
+        each.append(1e9 * (spent[3] - spent[2]) / (steps[3] - steps[2]) / count)
+    spread = 100 * (max(each) / min(each) - 1)
+    return Row(
+        "mckean_vlasov, no interaction, S = " + ", ".join(f"{n:.0e}" for n in sizes.samples[:3]),
+        "cost per sample flat within 15 %",
+        " / ".join(f"{t:.1f}" for t in each) + " ns a sample and step",
+        f"+{spread:.0f} %",
+        {f"ns_{count}": value for count, value in zip(sizes.samples, each, strict=False)},
     )
 
 
@@ -196,4 +228,5 @@ def particle_rows(sizes: Sizes) -> Iterator[Row]:
     yield _ensemble_row(sizes)
     yield _large_clouds_row(sizes)
     yield _samples_row(sizes)
+    yield _flight_row(sizes)
     yield _cavity_row(sizes)

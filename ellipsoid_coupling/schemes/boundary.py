@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -36,11 +35,11 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
     _fill(np.reshape(fields, shape, copy=False), reflecting, normal)
 
 
-@parallel_kernel
+@kernel
 def _fill(fields: Floats, reflecting: bool, normal: int) -> None:
     """`fill_ghosts` along the third axis of four."""
     n = fields.shape[2]
-    for line in numba.prange(fields.shape[1]):
+    for line in range(fields.shape[1]):
         # Layer by layer: the second mirrors the other end's first where there is one cell only.
         for layer in range(GHOSTS):
             for end in range(2):

@@ -117,7 +117,7 @@ def test_the_benchmark_has_a_row_for_everything_asked(
     told = json.loads(workflow("benchmark").main(["--quick", "--out", str(tmp_path)]).read_text())
     assert all(value > 0.0 for value in told["limits"].values())
     numbers = [row["numbers"] for row in told["rows"]]
-    assert len(numbers) == 12
+    assert len(numbers) == 13
     assert all(np.isfinite(value) for row in numbers for value in row.values())
     assert max(row["error"] for row in numbers if "error" in row) < 1e-12
     assert max(row["apart"] for row in numbers if "apart" in row) < 1e-12

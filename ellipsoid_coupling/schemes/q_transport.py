@@ -81,7 +81,7 @@ def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
     """Runs along y or the angle of bundles of columns, each as narrow as the mass in it."""
     lines = extents if axis == -2 else extents.transpose(1, 0, 2)
     outer, along = (plane, row) if axis == -2 else (row, plane)
-    bundle = bundle_width(row - 2 * GHOSTS)
+    bundle = bundle_width(row - 2 * GHOSTS, lines.shape[0])
     bundles = -(-(row - 2 * GHOSTS) // bundle)
     found = np.empty((3, lines.shape[0] * bundles * (lines.shape[1] // 2 + 1)), np.int64)
     corner = GHOSTS * (plane + row + 1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files import Arrays
 from ellipsoid_coupling.models import Model
+from ellipsoid_coupling.schemes.step_control import CLOCK_COLUMNS, clock_fault
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +48,8 @@ def unpack(
     Raises
     ------
     InputError
-        If names, shapes, kinds of numbers or times are not those of this model on this scene.
+        If names, shapes, kinds of numbers or times are not those of this model on this scene, or
+        numbers are none that a run can have: compiled loops trust what they go on from.
     """
     snapshots = _numbered(arrays)
     if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
@@ -58,9 +60,13 @@ def unpack(
     _require_alike(where, state, model.state())
     for snapshot in snapshots.values():
         _require_alike(where, snapshot, model.snapshot())
-    model.restore(state)
     count = len(snapshots)
     reached = times[count - 1] if count else 0.0
+    for clock in (a for a in state.values() if a.shape[1:] == (CLOCK_COLUMNS,)):
+        wrong = clock_fault(clock, reached, times[count])
+        if wrong:
+            raise _unfit(where, "clocks of a run between its snapshots", wrong)
+    model.restore(state)
     if not reached <= model.time <= times[count]:
         raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
     return [snapshots[i] for i in range(count)], arrays[_SECONDS]
@@ -77,7 +83,7 @@ def _numbered(arrays: Arrays) -> dict[int, Arrays]:
 
 
 def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
-    """The same names, shapes and kinds of numbers."""
+    """The same names, shapes and kinds of numbers, finite wherever a run's start is."""
     if found.keys() != expected.keys():
         raise _unfit(where, f"arrays {', '.join(expected)}", ", ".join(found) or "none")
     for name, array in expected.items():
@@ -85,6 +91,10 @@ def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
         if other.shape != array.shape or other.dtype != array.dtype:
             wanted = f"{name} of {array.dtype} {array.shape}"
             raise _unfit(where, wanted, f"{other.dtype} {other.shape}")
+        wrong = ~np.isfinite(other) & np.isfinite(array)
+        if wrong.any():
+            place = [int(i) for i in np.argwhere(wrong)[0]]
+            raise _unfit(where, f"a finite number at {name}{place}", f"{other[tuple(place)]}")
 
 
 def _unfit(where: str, expected: str, found: str) -> InputError:

@@ -21,12 +21,18 @@ from typing import Any
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.files import Arrays, cannot_write, whole_file, write_arrays
-from ellipsoid_coupling.inputs import exists, output_folder, read_arrays, read_text
+from ellipsoid_coupling.files import (
+    Arrays,
+    cannot_write,
+    halves,
+    whole_file,
+    write_arrays,
+)
+from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
 from ellipsoid_coupling.limits import MOST_SCENE_BYTES, memory_limit
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
-RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
+_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
 
 # Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
 _WRITING_PART = 0.02
@@ -63,9 +69,26 @@ class RunFolder:
         Raises
         ------
         InputError
-            If the path is a file, cannot be written, or holds something already.
+            If the path is a file, cannot be written, holds something already, or is to be resumed and
+            holds no run.
         """
         require_free(self.path, force=self.force or self.resume)
+        if not self.path.is_dir():
+            return
+        for name in _FILES:
+            if is_folder(self.path / name):
+                raise InputError(
+                    str(self.path / name), "a file or nothing", "a folder", "Choose another --out."
+                )
+        half = {path.name for path in halves(self.path, _FILES)}
+        held = sorted({path.name for path in self.path.iterdir()} - half)
+        if self.resume and not self.force and held and RUN_FILE not in held:
+            raise InputError(
+                f"--out {self.path}",
+                f"a run folder to resume, with a {RUN_FILE}",
+                f"one that holds {_some(held)}",
+                "Name the run's folder, or start again with --force.",
+            )
 
     @contextmanager
     def claimed(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[None]:
@@ -87,6 +110,8 @@ class RunFolder:
         try:
             _lock(handle, self.path)
             self.check()
+            for half in halves(self.path, _FILES):
+                half.unlink()  # a killed run's: nobody else writes here now
             if self.resume and exists(self.path / RUN_FILE):
                 self._require_same({"run": run, "scene": scene})
             else:
@@ -96,7 +121,7 @@ class RunFolder:
             os.close(handle)  # and with it the lock, which a kill releases as well
 
     def _begin(self, table: Mapping[str, Any]) -> None:
-        for name in (RESULT_FILE, CHECKPOINT_FILE):
+        for name in _FILES[1:]:
             (self.path / name).unlink(missing_ok=True)
         with whole_file(self.path / RUN_FILE) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
@@ -189,11 +214,10 @@ def require_free(path: Path, *, force: bool) -> None:
     output_folder(path)
     held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     if held and not force:
-        shown = ", ".join(held[:3]) + (", ..." if len(held) > 3 else "")
         raise InputError(
             f"--out {path}",
             "a new or empty folder",
-            f"one that holds {shown}",
+            f"one that holds {_some(held)}",
             "Choose another --out, or overwrite with --force (a run: continue with --resume).",
         )
 
@@ -218,6 +242,10 @@ def _lock(handle: int, path: Path) -> None:
 
 def _versions() -> dict[str, str]:
     return {name: version(name) for name in _PACKAGES}
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
 
 
 def _short(value: object) -> str:

@@ -29,7 +29,7 @@ from ellipsoid_coupling.files import (
     write_arrays,
 )
 from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
-from ellipsoid_coupling.limits import MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.limits import LONGEST_RUN, MOST_SCENE_BYTES, memory_limit
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
 _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
@@ -54,7 +54,9 @@ class RunFolder:
     checkpoint_seconds : float
         Between two checkpoints; a kill loses at most about so much work.
     stop_after : float or None
-        Seconds after which the run writes a checkpoint and stops (RunError), to be resumed.
+        Seconds after which the run writes a checkpoint and stops (Interrupted), to be resumed.
+    longest : float
+        Seconds that the run may take in all, to judge by its present pace; it stops likewise.
     """
 
     path: Path
@@ -62,6 +64,7 @@ class RunFolder:
     force: bool = False
     checkpoint_seconds: float = 15.0
     stop_after: float | None = None
+    longest: float = LONGEST_RUN
 
     def check(self) -> None:
         """Refuse, before anything is computed, what cannot become this run's folder.

@@ -18,7 +18,7 @@ from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.schemes.sources import CellTerms
-from ellipsoid_coupling.schemes.survey import survey_particles
+from ellipsoid_coupling.schemes.survey import count_outside, survey_particles
 
 Floats = NDArray[np.float64]
 
@@ -178,11 +178,12 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
     return Spot((x, y, *map(float, place[2:, i])), terms)
 
 
-def particle_health(state: ParticleState) -> Health:
-    """Of all realisations together."""
+def particle_health(state: ParticleState, box: Floats | None) -> Health:
+    """Of all realisations together, between the walls `box` of `Limits`."""
     out = np.empty(4)
     survey_particles(state.velocity, state.force, out)
-    return Health(1.0, 0.0, (float(out[0]), float(out[1])), (float(out[2]), float(out[3])))
+    v, omega, force, torque = map(float, out)
+    return Health(1.0, 0.0, (v, omega), (force, torque), int(count_outside(state.place, box)))
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

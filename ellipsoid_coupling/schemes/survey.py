@@ -60,6 +60,19 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
 
 
 @kernel
+def count_outside(place: Floats, box: Floats | None) -> int:
+    """How many coordinates of (R, D, N) places are not within the walls `box` (2, 2), NaN included."""
+    count = 0
+    if box is not None:
+        for k in range(place.shape[0]):
+            for d in range(2):
+                low, high = box[d, 0], box[d, 1]
+                for i in range(place.shape[2]):
+                    count += not low <= place[k, d, i] <= high
+    return count
+
+
+@kernel
 def survey_particles(velocity: Floats, force: Floats, out: Floats) -> None:
     """Root mean squares of v and omega and the largest forces of all particles.
 

@@ -1,8 +1,9 @@
-"""What a checkpoint holds: the model's state, the snapshots taken so far, and the seconds spent."""
+"""What a checkpoint holds: the model's state, the snapshots so far, seconds, what monitors have seen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +15,37 @@ from ellipsoid_coupling.schemes.step_control import CLOCK_COLUMNS, clock_fault
 
 Floats = NDArray[np.float64]
 
-_STATE, _SNAPSHOT, _SECONDS = "state.", "snapshot.", "seconds"
+_STATE, _SNAPSHOT, _SECONDS, _FORCES = "state.", "snapshot.", "seconds", "forces"
 
 
-def pack(model: Model, snapshots: Sequence[Arrays], seconds: Floats) -> Arrays:
+class Progress(NamedTuple):
+    """What a run knows besides its model's state.
+
+    Attributes
+    ----------
+    snapshots : list of dict
+        Those of the save times that lie behind.
+    seconds : (2,) float64
+        Of running and of compiling.
+    forces : (2,) float64
+        The largest force and torque that the monitors have seen.
+    """
+
+    snapshots: list[Arrays]
+    seconds: Floats
+    forces: Floats
+
+
+def pack(model: Model, progress: Progress) -> Arrays:
     """All that a run needs to go on, as named arrays."""
-    arrays: Arrays = {_SECONDS: seconds}
+    arrays: Arrays = {_SECONDS: progress.seconds, _FORCES: progress.forces}
     arrays |= {_STATE + name: array for name, array in model.state().items()}
-    for i, snapshot in enumerate(snapshots):
+    for i, snapshot in enumerate(progress.snapshots):
         arrays |= {f"{_SNAPSHOT}{i}.{name}": array for name, array in snapshot.items()}
     return arrays
 
 
-def unpack(
-    arrays: Arrays, model: Model, times: Sequence[float], where: str
-) -> tuple[list[Arrays], Floats]:
+def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> Progress:
     """Put a model, fresh from its start, into the state of a checkpoint.
 
     Parameters
@@ -40,11 +57,6 @@ def unpack(
     where : str
         The file, for messages.
 
-    Returns
-    -------
-    list of dict, (2,) float64
-        The snapshots, and the seconds of running and compiling.
-
     Raises
     ------
     InputError
@@ -54,8 +66,9 @@ def unpack(
     snapshots = _numbered(arrays)
     if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
         raise _unfit(where, f"fewer than {len(times)} snapshots", f"{sorted(snapshots)}")
-    seconds = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
-    _require_alike(where, seconds, {_SECONDS: np.zeros(2)})
+    own = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
+    # Where there is pressure, the forces are not known: infinite.
+    _require_alike(where, own, {_SECONDS: np.zeros(2), _FORCES: np.full(2, np.inf)})
     state = {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
     _require_alike(where, state, model.state())
     for snapshot in snapshots.values():
@@ -69,7 +82,7 @@ def unpack(
     model.restore(state)
     if not reached <= model.time <= times[count]:
         raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
-    return [snapshots[i] for i in range(count)], arrays[_SECONDS]
+    return Progress([snapshots[i] for i in range(count)], arrays[_SECONDS], arrays[_FORCES])
 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:

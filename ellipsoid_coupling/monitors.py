@@ -21,6 +21,8 @@ import math
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.limits import time_in_words
 from ellipsoid_coupling.models import Health, Model, Setup
@@ -42,7 +44,13 @@ class Monitors:
         The model's.
     setup : Setup
     model : Model
-        At the start, or restored.
+        At the start.
+
+    Attributes
+    ----------
+    forces : (2,) float64
+        The largest force and torque so far: all that a restart needs. A particle that was pushed
+        once, and is free now, still is as fast.
     """
 
     def __init__(self, name: str, setup: Setup, model: Model) -> None:
@@ -51,7 +59,7 @@ class Monitors:
         rates = scene_rates(setup)
         self._damping = float(rates.damping[0]), float(rates.damping[-1])
         self._noise = float(rates.amplitude[0]), float(rates.amplitude[-1])
-        self._forces = model.health().forces
+        self.forces = np.array(model.health().forces)
 
     def look(self, model: Model) -> None:
         """Look once.
@@ -62,8 +70,7 @@ class Monitors:
             With what is wrong, since when, and what to do.
         """
         health = model.health()
-        (force, torque), (more, harder) = self._forces, health.forces
-        self._forces = max(force, more), max(torque, harder)
+        self.forces = np.maximum(self.forces, health.forces)
         wrong = self._look_at(health, model.time)
         if wrong is not None:
             raise RunError(
@@ -88,11 +95,11 @@ class Monitors:
             damping, noise = self._damping[k], self._noise[k]
             longest = 1.0 / damping if damping > 0.0 else now
             thermal = noise / math.sqrt(2.0 * damping) if noise > 0.0 else 0.0
-            limit = _SAFETY * (self._forces[k] * longest + thermal)
+            limit = _SAFETY * (self.forces[k] * longest + thermal)
             if health.speeds[k] > limit:
                 return (
                     f"a root mean square {what} of {health.speeds[k]:.3g} is beyond what forces of "
-                    f"{self._forces[k]:.3g} can give"
+                    f"{self.forces[k]:.3g} can give"
                 )
         return None
 

@@ -37,7 +37,7 @@ _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "chec
 # Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
 _WRITING_PART = 0.02
 _PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True)

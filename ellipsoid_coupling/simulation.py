@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling import checkpoint
+from ellipsoid_coupling.checkpoint import Progress
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files import Arrays
 from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
@@ -128,6 +129,7 @@ class _Run:
         self.asked = Interruption()
         with CompileTimer() as self.compiling, ExitStack() as claim:
             self.model: Model = build_model(self.name, self.setup)
+            self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
                 claim.enter_context(self.folder.claimed(*self._identity()))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
@@ -157,12 +159,11 @@ class _Run:
 
     def _loop(self) -> None:
         times = self.setup.scene.times
-        monitors = Monitors(self.name, self.setup, self.model)
         pace = Pace(times[-1], self.folder.longest if self.folder else LONGEST_RUN)
         for until in times[len(self.snapshots) :]:
             while self.model.time < until:
                 self.model.advance(until)
-                monitors.look(self.model)
+                self.monitors.look(self.model)
                 self._tell(self.model.time / times[-1])
                 self._keep(pace.look(self.model, lambda: float(self._seconds()[0])))
             self.snapshots.append(self.model.snapshot())
@@ -191,7 +192,8 @@ class _Run:
         if not (self.keeper.due or why):
             return
         begun = time.perf_counter()
-        self.folder.save(checkpoint.pack(self.model, self.snapshots, self._seconds()))
+        progress = Progress(self.snapshots, self._seconds(), self.monitors.forces)
+        self.folder.save(checkpoint.pack(self.model, progress))
         self.keeper.written(begun)
         if why:
             path = self.folder.path
@@ -218,7 +220,14 @@ class _Run:
             return  # ended before the first checkpoint: nothing to continue from but the start
         where = str(folder.path / CHECKPOINT_FILE)
         times = self.setup.scene.times
-        self.snapshots, self.earlier = checkpoint.unpack(arrays, self.model, times, where)
+        progress = checkpoint.unpack(arrays, self.model, times, where)
+        self.snapshots, self.earlier, self.monitors.forces = progress
+        try:
+            self.monitors.look(self.model)
+        except RunError as error:
+            raise InputError(
+                where, "the state of a sound run", str(error), "Remove it to start again."
+            ) from None
 
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()

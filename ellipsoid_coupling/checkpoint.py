@@ -27,18 +27,18 @@ class Progress(NamedTuple):
         Those of the save times that lie behind.
     seconds : (2,) float64
         Of running and of compiling.
-    forces : (2,) float64
+    forces : (float, float)
         The largest force and torque that the monitors have seen.
     """
 
     snapshots: list[Arrays]
     seconds: Floats
-    forces: Floats
+    forces: tuple[float, float]
 
 
 def pack(model: Model, progress: Progress) -> Arrays:
     """All that a run needs to go on, as named arrays."""
-    arrays: Arrays = {_SECONDS: progress.seconds, _FORCES: progress.forces}
+    arrays: Arrays = {_SECONDS: progress.seconds, _FORCES: np.array(progress.forces)}
     arrays |= {_STATE + name: array for name, array in model.state().items()}
     for i, snapshot in enumerate(progress.snapshots):
         arrays |= {f"{_SNAPSHOT}{i}.{name}": array for name, array in snapshot.items()}
@@ -82,7 +82,8 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     model.restore(state)
     if not reached <= model.time <= times[count]:
         raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
-    return Progress([snapshots[i] for i in range(count)], arrays[_SECONDS], arrays[_FORCES])
+    force, torque = map(float, arrays[_FORCES])
+    return Progress([snapshots[i] for i in range(count)], arrays[_SECONDS], (force, torque))
 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:

@@ -338,11 +338,12 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
     """
     from ellipsoid_coupling.output.paraview import export as write
     from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.run_folder import require_free
     from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
     folder = (run if run.is_dir() else run.parent) / "paraview"
-    Output(folder, force).check()
+    require_free(folder, force=force, option="")
     with ProgressReporter() as report:
         field = scene_flow(result.scene, None, report)
     write(result, folder, flow=field)

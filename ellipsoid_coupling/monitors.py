@@ -21,8 +21,6 @@ import math
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.limits import time_in_words
 from ellipsoid_coupling.models import Health, Model, Setup
@@ -48,7 +46,7 @@ class Monitors:
 
     Attributes
     ----------
-    forces : (2,) float64
+    forces : (float, float)
         The largest force and torque so far: all that a restart needs. A particle that was pushed
         once, and is free now, still is as fast.
     """
@@ -59,7 +57,7 @@ class Monitors:
         rates = scene_rates(setup)
         self._damping = float(rates.damping[0]), float(rates.damping[-1])
         self._noise = float(rates.amplitude[0]), float(rates.amplitude[-1])
-        self.forces = np.array(model.health().forces)
+        self.forces = model.health().forces
 
     def look(self, model: Model) -> None:
         """Look once.
@@ -70,7 +68,8 @@ class Monitors:
             With what is wrong, since when, and what to do.
         """
         health = model.health()
-        self.forces = np.maximum(self.forces, health.forces)
+        (force, torque), (more, harder) = self.forces, health.forces
+        self.forces = max(force, more), max(torque, harder)
         wrong = self._look_at(health, model.time)
         if wrong is not None:
             raise RunError(

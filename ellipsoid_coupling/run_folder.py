@@ -207,8 +207,10 @@ class Keeper:
         self._next = now + max(self._interval, pause)
 
 
-def require_free(path: Path, *, force: bool) -> None:
+def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
     """Refuse an output folder that is a file, cannot be written, or holds something (unless forced).
+
+    `option` is what the user named it with.
 
     Raises
     ------
@@ -217,11 +219,12 @@ def require_free(path: Path, *, force: bool) -> None:
     output_folder(path)
     held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     if held and not force:
+        other = "Choose another --out, or overwrite" if option else "Overwrite"
         raise InputError(
-            f"--out {path}",
+            f"{option}{path}",
             "a new or empty folder",
             f"one that holds {_some(held)}",
-            "Choose another --out, or overwrite with --force (a run: continue with --resume).",
+            f"{other} with --force{' (a run: continue with --resume)' if option else ''}.",
         )
 
 

@@ -41,7 +41,7 @@ SETTINGS: dict[str, Any] = {
     "numerics.angle_cells": 6,
     "numerics.time_step": 0.01,
     "numerics.tolerance": 1e-7,
-    "numerics.cfl": 0.05,
+    "numerics.cfl": 0.003,
     "times": [0.1, 0.6, 0.7],
 }
 
@@ -151,7 +151,7 @@ def test_a_finished_run_is_not_run_again(tmp_path: Path) -> None:
 # that most of their life is the run itself.
 SERVER = mp.get_context("forkserver")
 SERVER.set_forkserver_preload(["ellipsoid_coupling.cli", "ellipsoid_coupling.simulation", "xarray"])
-KILL_SETTINGS = SETTINGS | {"times": [0.5, 2.0], "numerics.cfl": 0.02, "numerics.time_step": 0.002}
+KILL_SETTINGS = SETTINGS | {"times": [0.5, 2.0], "numerics.cfl": 0.01, "numerics.time_step": 0.002}
 
 
 def run_command(folder: str, model: str, resume: bool) -> None:

@@ -18,7 +18,7 @@ from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.schemes.sources import CellTerms
-from ellipsoid_coupling.schemes.survey import count_outside, survey_particles
+from ellipsoid_coupling.schemes.survey import survey_particles
 
 Floats = NDArray[np.float64]
 
@@ -180,10 +180,9 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
 
 def particle_health(state: ParticleState, box: Floats | None) -> Health:
     """Of all realisations together, between the walls `box` of `Limits`."""
-    out = np.empty(4)
-    survey_particles(state.velocity, state.force, out)
-    v, omega, force, torque = map(float, out)
-    return Health(1.0, 0.0, (v, omega), (force, torque), int(count_outside(state.place, box)))
+    place, velocity, force = state[:3]
+    v, omega, pull, torque, outside = survey_particles(place, velocity, force, box)
+    return Health(1.0, 0.0, (v, omega), (pull, torque), outside)
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

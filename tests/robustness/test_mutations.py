@@ -280,7 +280,7 @@ def test_checkpoints(tmp_path: Path, mutate: Mutation, member: int) -> None:
     before, after = small_model(), small_model()
     while before.time < 0.1:
         before.advance(0.1)
-    place.save(pack(before, Progress([before.snapshot()], np.zeros(2), np.ones(2))))
+    place.save(pack(before, Progress([before.snapshot()], np.zeros(2), (1.0, 1.0))))
 
     def read() -> None:
         arrays = place.load()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError, readable
+from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal
 from ellipsoid_coupling.inputs import exists
 from ellipsoid_coupling.limits import LONGEST_RUN
 from ellipsoid_coupling.output.tables import print_table
@@ -391,9 +391,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
     except (MemoryError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             _leave_quietly()
-        # Nothing that a check before the run could know: a full disk, a file removed meanwhile.
-        found = readable(str(error)) or type(error).__name__
-        sys.stderr.write(f"ellipsoid: the system refused: {found}\n")
+        sys.stderr.write(f"ellipsoid: {refusal(error)}\n")
         sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("ellipsoid: interrupted\n")

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError, readable
+from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal
 from ellipsoid_coupling.inputs import exists
+from ellipsoid_coupling.limits import LONGEST_RUN
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.progress import ProgressReporter
 
@@ -82,6 +83,10 @@ class Keeping(Output):
         float | None,
         Parameter(help="Write a checkpoint and stop (status 1) after so many seconds."),
     ] = None
+    longest: Annotated[
+        float,
+        Parameter(help="Stop likewise if the run would take more seconds in all at its pace."),
+    ] = LONGEST_RUN
 
     def check(self) -> None:
         """Refuse numbers and folders that cannot be meant."""
@@ -94,12 +99,15 @@ class Keeping(Output):
             found = f"{self.stop_after:g}"
             raise InputError("--stop-after", "seconds above 0", found, "Change it.")
 
+        if not self.longest > 0.0:
+            raise InputError("--longest", "seconds above 0", f"{self.longest:g}", "Change it.")
+
     def place(self, name: str) -> RunFolder:
         """The run folder, which the run itself looks at and claims."""
         from ellipsoid_coupling.run_folder import RunFolder
 
-        path = self.folder(name)
-        return RunFolder(path, self.resume, self.force, self.checkpoint_seconds, self.stop_after)
+        limits = self.checkpoint_seconds, self.stop_after, self.longest
+        return RunFolder(self.folder(name), self.resume, self.force, *limits)
 
 
 _OUTPUT, _KEEPING = Output(), Keeping()
@@ -108,6 +116,8 @@ _OUTPUT, _KEEPING = Output(), Keeping()
 def _scene(name: str, settings: list[str] | None) -> Scene:
     from ellipsoid_coupling.scenes import load_scene, parse_setting
 
+    if settings == []:
+        raise InputError("--set", "key=value", "nothing", "Example: --set particles.number=100.")
     return load_scene(name, dict(parse_setting(text) for text in settings or []))
 
 
@@ -328,11 +338,12 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
     """
     from ellipsoid_coupling.output.paraview import export as write
     from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.run_folder import require_free
     from ellipsoid_coupling.simulation import scene_flow
 
     result = Result.load(run)
     folder = (run if run.is_dir() else run.parent) / "paraview"
-    Output(folder, force).check()
+    require_free(folder, force=force, option="")
     with ProgressReporter() as report:
         field = scene_flow(result.scene, None, report)
     write(result, folder, flow=field)
@@ -380,9 +391,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
     except (MemoryError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             _leave_quietly()
-        # Nothing that a check before the run could know: a full disk, a file removed meanwhile.
-        found = readable(str(error)) or type(error).__name__
-        sys.stderr.write(f"ellipsoid: the system refused: {found}\n")
+        sys.stderr.write(f"ellipsoid: {refusal(error)}\n")
         sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("ellipsoid: interrupted\n")

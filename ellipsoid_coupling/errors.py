@@ -47,6 +47,17 @@ def readable(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c == "\n" else ascii(c)[1:-1] for c in text)
 
 
+def refusal(error: BaseException) -> str:
+    """What no check before a run could know, in words: a full disk, a file removed meanwhile."""
+    found = readable(str(error)) or type(error).__name__
+    if not isinstance(error, OSError) or error.filename is not None:
+        return f"the system refused: {found}."
+    return (
+        f"the system refused: {found}, without naming a file. Look after the folder of the results "
+        "and after the cache of kernels and flows (ELLIPSOID_CACHE puts it elsewhere)."
+    )
+
+
 class RunError(EllipsoidError):
     """A program or a solver failed: time, place, the term at fault and the remedy are in the text."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,15 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import WriteError
 
 Arrays = dict[str, NDArray[Any]]
+
+
+def halves(folder: Path, names: Iterable[str]) -> list[Path]:
+    """What `whole_file` was writing in a folder for files of these names when it was killed."""
+    wanted = [
+        re.compile(rf"\.{re.escape(name.stem)}\.\d+{re.escape(name.suffix)}")
+        for name in map(Path, names)
+    ]
+    return [path for path in folder.iterdir() if any(w.fullmatch(path.name) for w in wanted)]
 
 
 @contextmanager

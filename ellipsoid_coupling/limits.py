@@ -38,6 +38,9 @@ MOST_NAME = 100
 # What icoFoam takes for a cell, measured at 200 x 200.
 BYTES_PER_FLUID_CELL = 1_500
 
+# Seconds: a run whose end is further away at its present pace stops, unless it is given more.
+LONGEST_RUN = 30 * 86_400.0
+
 _CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")
 
 
@@ -58,3 +61,11 @@ def in_words(size: float) -> str:
         if size >= unit:
             return f"{size / unit:.3g} {name}"
     return f"{size:.0f} bytes"
+
+
+def time_in_words(seconds: float) -> str:
+    """A time for a message: 12 s, 3.5 hours, 40 days, 8e+03 years."""
+    for unit, name in ((365.25 * 86_400, "years"), (86_400, "days"), (3600, "hours"), (60, "min")):
+        if seconds >= 2 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.3g} s"

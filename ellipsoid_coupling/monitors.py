@@ -5,25 +5,32 @@ After every call of `advance` a model tells its `Health`. It must stay
     finite      every number of it
     positive    no density below 0
     conserved   the mass as it was; less where edges are open, never more
+    inside      no particle beyond reflecting walls
     bounded     no faster than its forces can have made it: with damping Gamma, the largest |F| so far
                 and noise A the root mean square speed is below |F|/Gamma + A/sqrt(2 Gamma), or below
                 |F| t where nothing damps
 
 The last is a law of v' = F - Gamma v + A dW/dt, so a scheme that breaks it by ten times feeds energy
 in: its step is too long. Particles outside the flow and steps that vanish are told by the models.
+`Pace` watches the clock on the wall: a run whose end is out of sight is no run that was meant.
 """
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.limits import time_in_words
 from ellipsoid_coupling.models import Health, Model, Setup
 from ellipsoid_coupling.models.parts import scene_rates
 
 # Sums over many cells round by less; leaks of a scheme are far more.
 MASS_TOLERANCE = 1e-9
 _SAFETY = 10.0
+# Seconds over which the pace is taken, and their part of what the run may take.
+_WINDOW, _PART_OF_LONGEST = 60.0, 0.1
 
 
 class Monitors:
@@ -35,7 +42,13 @@ class Monitors:
         The model's.
     setup : Setup
     model : Model
-        At the start, or restored.
+        At the start.
+
+    Attributes
+    ----------
+    forces : (float, float)
+        The largest force and torque so far: all that a restart needs. A particle that was pushed
+        once, and is free now, still is as fast.
     """
 
     def __init__(self, name: str, setup: Setup, model: Model) -> None:
@@ -44,7 +57,7 @@ class Monitors:
         rates = scene_rates(setup)
         self._damping = float(rates.damping[0]), float(rates.damping[-1])
         self._noise = float(rates.amplitude[0]), float(rates.amplitude[-1])
-        self._forces = model.health().forces
+        self.forces = model.health().forces
 
     def look(self, model: Model) -> None:
         """Look once.
@@ -55,8 +68,8 @@ class Monitors:
             With what is wrong, since when, and what to do.
         """
         health = model.health()
-        (force, torque), (more, harder) = self._forces, health.forces
-        self._forces = max(force, more), max(torque, harder)
+        (force, torque), (more, harder) = self.forces, health.forces
+        self.forces = max(force, more), max(torque, harder)
         wrong = self._look_at(health, model.time)
         if wrong is not None:
             raise RunError(
@@ -69,6 +82,8 @@ class Monitors:
             return "the solution is no longer finite"
         if health.least_density < 0.0:
             return f"a density of {health.least_density:.3g}"
+        if health.outside:
+            return f"{health.outside} coordinates of particles are outside the walls"
         change = health.mass / self._mass - 1.0
         if change > MASS_TOLERANCE or (change < -MASS_TOLERANCE and self._setup.terms.reflection):
             return f"the mass has changed by {change:.3g} of itself"
@@ -79,11 +94,11 @@ class Monitors:
             damping, noise = self._damping[k], self._noise[k]
             longest = 1.0 / damping if damping > 0.0 else now
             thermal = noise / math.sqrt(2.0 * damping) if noise > 0.0 else 0.0
-            limit = _SAFETY * (self._forces[k] * longest + thermal)
+            limit = _SAFETY * (self.forces[k] * longest + thermal)
             if health.speeds[k] > limit:
                 return (
                     f"a root mean square {what} of {health.speeds[k]:.3g} is beyond what forces of "
-                    f"{self._forces[k]:.3g} can give"
+                    f"{self.forces[k]:.3g} can give"
                 )
         return None
 
@@ -91,3 +106,44 @@ class Monitors:
         if self._setup.scheme == "paper":
             return "Use a smaller time step or CFL number, or the scheme `accurate`."
         return "Use a smaller tolerance or CFL number, or a finer grid."
+
+
+class Pace:
+    """The watch over the wall time: seconds so far, and those left at the pace of the last minute.
+
+    left = (end - t) dseconds/dt
+
+    Parameters
+    ----------
+    end : float
+        The last save time.
+    longest : float
+        Seconds that the run may take in all, `limits.LONGEST_RUN` where nobody said so.
+    """
+
+    def __init__(self, end: float, longest: float) -> None:
+        self._end, self._longest = end, longest
+        self._window = min(_WINDOW, _PART_OF_LONGEST * longest)
+        self._due = time.perf_counter() + self._window
+        self._since: tuple[float, float] | None = None
+
+    def look(self, model: Model, seconds: Callable[[], float]) -> str | None:
+        """What is wrong with the pace, if anything; `seconds` tells those spent, less compiling."""
+        if time.perf_counter() < self._due:
+            return None
+        self._due = time.perf_counter() + self._window
+        spent, before = seconds(), self._since
+        self._since = (spent, model.time)
+        # A stationary state is iterated to, its time stands still: its iterations are counted.
+        if before is None or model.time == before[1]:
+            return None
+        left = (self._end - model.time) * (spent - before[0]) / (model.time - before[1])
+        if spent + left <= self._longest:
+            return None
+        limits = model.counts().get("step_limits", "nothing")
+        return (
+            f"it would take {time_in_words(left)} more at the pace of the last "
+            f"{time_in_words(spent - before[0])}. Steps are limited by: {limits}. {model.spot()} "
+            "Relax that (a larger tolerance or CFL number, fewer cells or particles), or allow it the "
+            "time with --longest"
+        )

@@ -21,17 +21,23 @@ from typing import Any
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.files import Arrays, cannot_write, whole_file, write_arrays
-from ellipsoid_coupling.inputs import exists, output_folder, read_arrays, read_text
-from ellipsoid_coupling.limits import MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.files import (
+    Arrays,
+    cannot_write,
+    halves,
+    whole_file,
+    write_arrays,
+)
+from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
+from ellipsoid_coupling.limits import LONGEST_RUN, MOST_SCENE_BYTES, memory_limit
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
-RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
+_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
 
 # Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
 _WRITING_PART = 0.02
 _PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,9 @@ class RunFolder:
     checkpoint_seconds : float
         Between two checkpoints; a kill loses at most about so much work.
     stop_after : float or None
-        Seconds after which the run writes a checkpoint and stops (RunError), to be resumed.
+        Seconds after which the run writes a checkpoint and stops (Interrupted), to be resumed.
+    longest : float
+        Seconds that the run may take in all, to judge by its present pace; it stops likewise.
     """
 
     path: Path
@@ -56,6 +64,7 @@ class RunFolder:
     force: bool = False
     checkpoint_seconds: float = 15.0
     stop_after: float | None = None
+    longest: float = LONGEST_RUN
 
     def check(self) -> None:
         """Refuse, before anything is computed, what cannot become this run's folder.
@@ -63,9 +72,26 @@ class RunFolder:
         Raises
         ------
         InputError
-            If the path is a file, cannot be written, or holds something already.
+            If the path is a file, cannot be written, holds something already, or is to be resumed and
+            holds no run.
         """
         require_free(self.path, force=self.force or self.resume)
+        if not self.path.is_dir():
+            return
+        for name in _FILES:
+            if is_folder(self.path / name):
+                raise InputError(
+                    str(self.path / name), "a file or nothing", "a folder", "Choose another --out."
+                )
+        half = {path.name for path in halves(self.path, _FILES)}
+        held = sorted({path.name for path in self.path.iterdir()} - half)
+        if self.resume and not self.force and held and RUN_FILE not in held:
+            raise InputError(
+                f"--out {self.path}",
+                f"a run folder to resume, with a {RUN_FILE}",
+                f"one that holds {_some(held)}",
+                "Name the run's folder, or start again with --force.",
+            )
 
     @contextmanager
     def claimed(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[None]:
@@ -87,6 +113,8 @@ class RunFolder:
         try:
             _lock(handle, self.path)
             self.check()
+            for half in halves(self.path, _FILES):
+                half.unlink()  # a killed run's: nobody else writes here now
             if self.resume and exists(self.path / RUN_FILE):
                 self._require_same({"run": run, "scene": scene})
             else:
@@ -96,7 +124,7 @@ class RunFolder:
             os.close(handle)  # and with it the lock, which a kill releases as well
 
     def _begin(self, table: Mapping[str, Any]) -> None:
-        for name in (RESULT_FILE, CHECKPOINT_FILE):
+        for name in _FILES[1:]:
             (self.path / name).unlink(missing_ok=True)
         with whole_file(self.path / RUN_FILE) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
@@ -179,8 +207,10 @@ class Keeper:
         self._next = now + max(self._interval, pause)
 
 
-def require_free(path: Path, *, force: bool) -> None:
+def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
     """Refuse an output folder that is a file, cannot be written, or holds something (unless forced).
+
+    `option` is what the user named it with.
 
     Raises
     ------
@@ -189,12 +219,12 @@ def require_free(path: Path, *, force: bool) -> None:
     output_folder(path)
     held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     if held and not force:
-        shown = ", ".join(held[:3]) + (", ..." if len(held) > 3 else "")
+        other = "Choose another --out, or overwrite" if option else "Overwrite"
         raise InputError(
-            f"--out {path}",
+            f"{option}{path}",
             "a new or empty folder",
-            f"one that holds {shown}",
-            "Choose another --out, or overwrite with --force (a run: continue with --resume).",
+            f"one that holds {_some(held)}",
+            f"{other} with --force{' (a run: continue with --resume)' if option else ''}.",
         )
 
 
@@ -218,6 +248,10 @@ def _lock(handle: int, path: Path) -> None:
 
 def _versions() -> dict[str, str]:
     return {name: version(name) for name in _PACKAGES}
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
 
 
 def _short(value: object) -> str:

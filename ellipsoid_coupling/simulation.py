@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling import checkpoint
+from ellipsoid_coupling.checkpoint import Progress
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files import Arrays
 from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
 from ellipsoid_coupling.interruption import Interruption, noticed
 from ellipsoid_coupling.kernels import CompileTimer
+from ellipsoid_coupling.limits import LONGEST_RUN
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, scheme_named
-from ellipsoid_coupling.monitors import Monitors
+from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
@@ -92,7 +94,8 @@ def simulate(
         If the run failed; with a folder, what was reached stands in its result.nc with the status
         "failed: ...".
     Interrupted
-        After SIGTERM or SIGINT, with a folder only; its checkpoint has been written.
+        After SIGTERM or SIGINT, or where it would take too long, with a folder only; its checkpoint
+        has been written.
     """
     scheme_named(scheme)
     place = RunFolder(folder) if isinstance(folder, Path) else folder
@@ -126,6 +129,7 @@ class _Run:
         self.asked = Interruption()
         with CompileTimer() as self.compiling, ExitStack() as claim:
             self.model: Model = build_model(self.name, self.setup)
+            self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
                 claim.enter_context(self.folder.claimed(*self._identity()))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
@@ -155,13 +159,13 @@ class _Run:
 
     def _loop(self) -> None:
         times = self.setup.scene.times
-        monitors = Monitors(self.name, self.setup, self.model)
+        pace = Pace(times[-1], self.folder.longest if self.folder else LONGEST_RUN)
         for until in times[len(self.snapshots) :]:
             while self.model.time < until:
                 self.model.advance(until)
-                monitors.look(self.model)
+                self.monitors.look(self.model)
                 self._tell(self.model.time / times[-1])
-                self._keep()
+                self._keep(pace.look(self.model, lambda: float(self._seconds()[0])))
             self.snapshots.append(self.model.snapshot())
 
     def _tell(self, part: float) -> None:
@@ -169,34 +173,46 @@ class _Run:
             scene, scheme = self.setup.scene.name, self.setup.scheme
             self.report(f"{scene}: {self.name}, {scheme}", part)
 
+    def _spent(self) -> float:
+        return time.perf_counter() - self.started
+
     def _seconds(self) -> NDArray[np.float64]:
         """Wall seconds without compiling, and compiling seconds, earlier parts included."""
         compiling = self.compiling.seconds
-        running = time.perf_counter() - self.started - compiling
+        running = self._spent() - compiling
         return np.asarray(self.earlier + np.array([running, compiling]))
 
-    def _keep(self) -> None:
+    def _keep(self, slow: str | None) -> None:
         """A checkpoint where one is due or the run shall end here."""
         if self.folder is None:
+            if slow:
+                raise RunError(f"{self._where()}: {slow}.")
             return
-        limit = self.folder.stop_after
-        late = limit is not None and time.perf_counter() - self.started > limit
-        if not (self.keeper.due or self.asked.signal or late):
+        why = self._why_to_leave(self.folder, slow)
+        if not (self.keeper.due or why):
             return
         begun = time.perf_counter()
-        self.folder.save(checkpoint.pack(self.model, self.snapshots, self._seconds()))
+        progress = Progress(self.snapshots, self._seconds(), self.monitors.forces)
+        self.folder.save(checkpoint.pack(self.model, progress))
         self.keeper.written(begun)
-        if self.asked.signal or late:
-            self._leave()
+        if why:
+            path = self.folder.path
+            raise Interrupted(
+                self.asked.signal,
+                f"{self._where()}: {why}. Its checkpoint is in {path}; "
+                f"continue with --resume --out {path}.",
+            )
 
-    def _leave(self) -> None:
-        why = signal.Signals(self.asked.signal).name if self.asked.signal else "--stop-after"
-        path = self.folder.path if self.folder is not None else ""
-        raise Interrupted(
-            self.asked.signal,
-            f"{self.setup.scene.name}, {self.name}: stopped by {why} at t = {self.model.time:.6g}, "
-            f"with a checkpoint in {path}. Continue with --resume --out {path}.",
-        )
+    def _where(self) -> str:
+        return f"{self.setup.scene.name}, {self.name}, t = {self.model.time:.6g}"
+
+    def _why_to_leave(self, folder: RunFolder, slow: str | None) -> str | None:
+        late = folder.stop_after is not None and self._spent() > folder.stop_after
+        if self.asked.signal:
+            return f"stopped by {signal.Signals(self.asked.signal).name}"
+        if late:
+            return "stopped by --stop-after"
+        return slow
 
     def _load_checkpoint(self, folder: RunFolder) -> None:
         arrays = folder.load()
@@ -204,7 +220,14 @@ class _Run:
             return  # ended before the first checkpoint: nothing to continue from but the start
         where = str(folder.path / CHECKPOINT_FILE)
         times = self.setup.scene.times
-        self.snapshots, self.earlier = checkpoint.unpack(arrays, self.model, times, where)
+        progress = checkpoint.unpack(arrays, self.model, times, where)
+        self.snapshots, self.earlier, self.monitors.forces = progress
+        try:
+            self.monitors.look(self.model)
+        except RunError as error:
+            raise InputError(
+                where, "the state of a sound run", str(error), "Remove it to start again."
+            ) from None
 
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()

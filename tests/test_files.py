@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from ellipsoid_coupling.errors import refusal
 from ellipsoid_coupling.files import whole_file
 
 
@@ -32,3 +33,11 @@ def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:
         fail_half_way()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_the_system_refuses_is_told_with_the_places_to_look_at() -> None:
+    """A write that fails names no file: a full disk under the cache of kernels, for one."""
+    named = refusal(FileNotFoundError(2, "No such file or directory", "run/a"))
+    assert named.endswith("No such file or directory: 'run/a'.")
+    assert "ELLIPSOID_CACHE" in refusal(OSError(28, "No space left on device"))
+    assert refusal(MemoryError()) == "the system refused: MemoryError."

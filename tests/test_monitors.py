@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +14,7 @@ from numpy.typing import NDArray
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.models import Model, Setup, build_model
-from ellipsoid_coupling.monitors import Monitors
+from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.scenes import terms_of
 from ellipsoid_coupling.schemes.grid import interior
 from ellipsoid_coupling.simulation import scene_flow
@@ -110,3 +113,115 @@ def test_the_fluids_pull_is_named() -> None:
     assert spot.terms["the fluid"] == pytest.approx(
         drag.drag * np.hypot(spot.place[0], spot.place[1]), rel=1e-3
     )
+
+
+@pytest.mark.parametrize("value", [0.5000001, -2.0, np.nan])
+@pytest.mark.parametrize("name", ["microscopic", "mckean_vlasov"])
+def test_a_particle_beyond_a_wall_is_seen(name: str, value: float) -> None:
+    """In an open domain it is not."""
+    box = {"domain.x": [-0.8, 0.5], "start.x": [0.1, 0.2], "domain.boundary": "reflecting"}
+    for changes, told in ((box, "1 coordinates of particles are outside the walls"), ({}, "")):
+        monitors, model = started(name, **changes)
+        model.state()["place"][0, 0, 3] = value
+        if told:
+            with pytest.raises(RunError, match=told):
+                monitors.look(model)
+        else:
+            monitors.look(model)
+
+
+class Clock:
+    """A model of which only its time is looked at."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def counts(self) -> dict[str, str]:
+        return {"step_limits": "rotation 100 %"}
+
+    def spot(self) -> str:
+        return "The torque."
+
+
+def test_a_pace_that_never_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1 of 1000 a minute is 16 hours more: too long for 10 hours, not for 20."""
+    now = [0.0]
+    monkeypatch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
+    for hours, told in ((20, False), (10, True)):
+        model: Any = Clock()
+        pace = Pace(1000.0, hours * 3600.0)
+        answers = []
+        for _ in range(7):
+            now[0] += 30.0
+            model.time += 0.5
+            answers.append(pace.look(model, lambda: now[0]))
+        assert [a is not None for a in answers] == [False, False, False, told, False, told, False]
+    assert answers[3] is not None
+    assert re.match(
+        r"it would take 16\.6 hours more .* 60 s.*: rotation 100 %\. The torque", answers[3]
+    )
+
+
+def test_a_pace_counts_what_is_behind_and_not_what_stands_still(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Iterations to a stationary state move no time; hours that earlier parts took are hours."""
+    now = [0.0]
+    monkeypatch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
+    model: Any = Clock()
+    pace = Pace(1.0, 3600.0)
+    for _ in range(20):
+        now[0] += 60.0
+        assert pace.look(model, lambda: now[0]) is None
+    model.time = 0.9
+    now[0] += 60.0
+    assert pace.look(model, lambda: 3000.0 + now[0]) is not None
+
+
+SLOW = SMALL | {"numerics.cfl": 1e-13, "interaction": None}
+
+
+def test_a_run_that_would_take_too_long_stops_with_a_checkpoint(tmp_path: Path) -> None:
+    scene = ec.load_scene("rotation", SLOW)
+    folder = ec.RunFolder(tmp_path, longest=1.0)
+    told = r"would take .* hours more .* CFL number 9.* strongest term .* --longest\. .* --resume"
+    with pytest.raises(ec.Interrupted, match=told) as caught:
+        ec.simulate(scene, "rho_mono_kinetic", folder=folder)
+    assert caught.value.exit_status == 1
+    with pytest.raises(ec.Interrupted, match="--longest"):
+        ec.simulate(scene, "rho_mono_kinetic", folder=replace(folder, resume=True))
+
+
+def test_without_a_folder_it_stops_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ellipsoid_coupling.simulation.LONGEST_RUN", 1.0)
+    with pytest.raises(RunError, match="hours more"):
+        ec.simulate(ec.load_scene("rotation", SLOW), "rho_mono_kinetic")
+
+
+VIOLENT, EXACT = {"interaction.strength": 1e60}, {"numerics.tolerance": 1e-90}
+NOISY = {"noise.noise": 1.0, "noise.angular_noise": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("microscopic", VIOLENT),
+        ("mckean_vlasov", VIOLENT),
+        # With noise no step is ever repeated, it only shrinks.
+        ("microscopic", EXACT | NOISY),
+        ("mckean_vlasov", EXACT | NOISY),
+        ("rho_mono_kinetic", VIOLENT),
+        ("diffusive", VIOLENT),
+        ("q_mono_kinetic", VIOLENT),
+        ("q_maxwellian", {"numerics.cfl": 1e-13}),
+    ],
+)
+def test_a_step_that_vanishes_stops_with_term_place_and_remedy(
+    name: str, changes: dict[str, float]
+) -> None:
+    scene = ec.load_scene("rotation", SMALL | changes | {"particles.realisations": 2})
+    told = (
+        r"t = .*step size fell below 1e-12.*\. The strongest term is .* at \(.*\)\. Relax the tol"
+    )
+    with pytest.raises(RunError, match=told):
+        ec.simulate(scene, name)

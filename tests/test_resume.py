@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
@@ -40,7 +41,7 @@ SETTINGS: dict[str, Any] = {
     "numerics.angle_cells": 6,
     "numerics.time_step": 0.01,
     "numerics.tolerance": 1e-7,
-    "numerics.cfl": 0.05,
+    "numerics.cfl": 0.003,
     "times": [0.1, 0.6, 0.7],
 }
 
@@ -72,17 +73,25 @@ def require_same(first: ec.Result, second: ec.Result) -> None:
 
 def run_with_kills(folder: Path, calls: list[int], *arguments: Any) -> ec.Result:
     """Kill the run in the given calls, one after the other, and take it to its end."""
-    for call in calls:
-        place = RunFolder(folder, resume=True, checkpoint_seconds=0.0)
-        with pytest.raises(Killed):
-            ec.simulate(*arguments, seed=3, folder=place, report=killer(call))
-        assert not (folder / "result.nc").exists()
+    most = numba.get_num_threads()
+    try:
+        for number, call in enumerate(calls):
+            numba.set_num_threads(1 + number % most)
+            place = RunFolder(folder, resume=True, checkpoint_seconds=0.0)
+            with pytest.raises(Killed):
+                ec.simulate(*arguments, seed=3, folder=place, report=killer(call))
+            assert not (folder / "result.nc").exists()
+    finally:
+        numba.set_num_threads(most)
     return ec.simulate(*arguments, seed=3, folder=RunFolder(folder, resume=True))
 
 
 @pytest.mark.parametrize(("model", "scheme"), MODELS)
 def test_every_model_resumes_bit_for_bit(model: str, scheme: Any, tmp_path: Path) -> None:
-    """With noise; killed before the first checkpoint, soon after the start, and later."""
+    """With noise; killed before the first checkpoint, soon after the start, and later.
+
+    Each part runs on another number of threads.
+    """
     scene = ec.load_scene("stationary", SETTINGS)
     whole = ec.simulate(scene, model, scheme, seed=3)
     resumed = run_with_kills(tmp_path, [1, 2, 2, 3], scene, model, scheme)
@@ -108,6 +117,27 @@ def test_walls_fluid_and_chosen_steps_resume_too(model: str, tmp_path: Path) -> 
     require_same(whole, run_with_kills(tmp_path, [2, 3], scene, model, "accurate"))
 
 
+def test_a_stationary_state_resumes_too(tmp_path: Path) -> None:
+    """Killed between calls of ten iterations each."""
+    strong = {"interaction.strength": 300.0, "numerics.cell": 0.6, "numerics.angle_cells": 8}
+    scene = ec.load_scene("stationary", strong)
+    whole = ec.simulate(scene, "stationary_state", seed=3)
+    assert whole.attributes["steps"] > 10
+    require_same(whole, run_with_kills(tmp_path, [1, 2], scene, "stationary_state", "accurate"))
+
+
+def test_what_pushed_particles_once_is_remembered(tmp_path: Path) -> None:
+    """Two circles push one another apart and fly on for ever: no force explains their speed later."""
+    points = {"start": {"points": [[0.0, 0.0, 0.0], [0.15, 0.0, 0.0]]}, "flow": None}
+    circles = {"particles.width": 0.1, "particles.number": 2, "particles.realisations": 1}
+    scene = ec.load_scene(
+        "rotation", points | circles | {"times": [float(t) for t in range(1, 11)]}
+    )
+    whole = ec.simulate(scene, "microscopic", seed=3)
+    assert whole.variables["velocity_x"][-1, 0, 1] > 0.1
+    require_same(whole, run_with_kills(tmp_path, [8, 2], scene, "microscopic", "accurate"))
+
+
 def test_a_finished_run_is_not_run_again(tmp_path: Path) -> None:
     scene = ec.load_scene("stationary", SETTINGS)
     first = ec.simulate(scene, "microscopic", folder=tmp_path)
@@ -121,7 +151,7 @@ def test_a_finished_run_is_not_run_again(tmp_path: Path) -> None:
 # that most of their life is the run itself.
 SERVER = mp.get_context("forkserver")
 SERVER.set_forkserver_preload(["ellipsoid_coupling.cli", "ellipsoid_coupling.simulation", "xarray"])
-KILL_SETTINGS = SETTINGS | {"times": [0.5, 2.0], "numerics.cfl": 0.02, "numerics.time_step": 0.002}
+KILL_SETTINGS = SETTINGS | {"times": [0.5, 2.0], "numerics.cfl": 0.01, "numerics.time_step": 0.002}
 
 
 def run_command(folder: str, model: str, resume: bool) -> None:

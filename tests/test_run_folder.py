@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling import run_folder
 from ellipsoid_coupling.errors import InputError, WriteError
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, RESULT_FILE, RUN_FILE, Keeper, RunFolder
+from ellipsoid_coupling.schemes.step_control import NEXT_STEP, PLANNED_BY, STATUS, STEPS, TIME
 
 SETTINGS: dict[str, Any] = {
     "particles.number": 20,
@@ -187,6 +189,89 @@ def test_a_damaged_checkpoint_is_refused_and_kept(damage: str, tmp_path: Path) -
     with pytest.raises(InputError, match=CHECKPOINT_FILE):
         run(place)
     assert contents(tmp_path) == before
+
+
+def write_checkpoint(folder: Path, **changed: NDArray[Any]) -> None:
+    """Replace arrays of a checkpoint; what checks archives finds nothing amiss."""
+    file = folder / CHECKPOINT_FILE
+    with np.load(file) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    assert set(changed) <= set(arrays)
+    np.savez(file, allow_pickle=False, **(arrays | changed))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["state.place", "state.velocity", "state.force", "snapshot.0.x"])
+def test_a_checkpoint_with_numbers_that_no_run_has_is_refused(
+    name: str, value: float, tmp_path: Path
+) -> None:
+    """A NaN as a place would become an index into foreign memory."""
+    place = interrupted(tmp_path)
+    with np.load(tmp_path / CHECKPOINT_FILE) as archive:
+        array = archive[name].copy()
+    array.flat[array.size // 2] = value
+    write_checkpoint(tmp_path, **{name: array})
+    before = contents(tmp_path)
+    with pytest.raises(InputError, match=rf"a finite number at [\w.]+\[.*\], found {value}"):
+        run(place)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "told"),
+    [
+        (PLANNED_BY, 1e9, "a reason 1e"),
+        (PLANNED_BY, -1.0, "a reason -1"),
+        (PLANNED_BY, 0.5, "a reason 0.5"),
+        (NEXT_STEP, 0.0, "a next step of 0"),
+        (TIME, 0.1, "t = 0.1 beyond"),
+        (STEPS, -1.0, "a count that no run has"),
+        (STATUS, 2.0, "a status"),
+    ],
+)
+def test_a_checkpoint_with_a_clock_that_no_run_has_is_refused(
+    column: int, value: float, told: str, tmp_path: Path
+) -> None:
+    """Kernels use the reason as an index without looking."""
+    place = interrupted(tmp_path)
+    with np.load(tmp_path / CHECKPOINT_FILE) as archive:
+        clock = archive["state.clock"].copy()
+    clock[0, column] = value
+    write_checkpoint(tmp_path, **{"state.clock": clock})
+    with pytest.raises(InputError, match=told):
+        run(place)
+
+
+def test_resuming_never_begins_in_a_folder_that_holds_something_else(tmp_path: Path) -> None:
+    """Without its run.toml a run cannot be told from another: its checkpoint and result stay."""
+    place = interrupted(tmp_path)
+    (tmp_path / RUN_FILE).rename(tmp_path / "mine.toml")
+    before = contents(tmp_path)
+    with pytest.raises(InputError, match=r"with a run\.toml, found one that holds checkpoint\.npz"):
+        run(place)
+    assert contents(tmp_path) == before
+
+
+def test_what_a_killed_process_was_writing_is_removed(tmp_path: Path) -> None:
+    """Before run.toml was whole there is nothing to go on from; other hidden files are not ours."""
+    halves = (".run.12.toml", ".checkpoint.345.npz", ".result.6.nc")
+    for name in (*halves, ".run.toml", ".result.x.nc"):
+        (tmp_path / name).write_text("half")
+    with pytest.raises(InputError, match=r"with a run\.toml"):
+        run(RunFolder(tmp_path, resume=True))
+    for name in (".run.toml", ".result.x.nc"):
+        (tmp_path / name).rename(tmp_path.parent / name)
+    run(RunFolder(tmp_path, resume=True))
+    assert set(contents(tmp_path)) == {RUN_FILE, RESULT_FILE}
+
+
+@pytest.mark.parametrize("name", [RUN_FILE, RESULT_FILE, CHECKPOINT_FILE])
+def test_folders_in_the_place_of_a_runs_files_are_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).mkdir()
+    for options in ({"force": True}, {"resume": True}):
+        with pytest.raises(InputError, match=rf"{name}: expected a file or nothing, found a fold"):
+            run(RunFolder(tmp_path, **options))
+    assert (tmp_path / name).is_dir()
 
 
 @contextmanager

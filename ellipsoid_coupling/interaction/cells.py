@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.kernels import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -52,12 +52,24 @@ def cell_grid(x_range: tuple[float, float], y_range: tuple[float, float], reach:
     return CellGrid(x_range[0], y_range[0], 1.0 / size, columns, rows)
 
 
+@inline_kernel
+def _clamped(place: float, most: int) -> int:
+    """`place`, in cells, within [0, most]; 0 for what is no number."""
+    # Comparisons, not min and max: they keep NaN from becoming an index.
+    index = 0
+    if place >= most:
+        index = most
+    elif place > 0.0:
+        index = int(place)
+    return index
+
+
 @kernel
 def cell_index(x: float, y: float, grid: CellGrid) -> int:
     """The cell of a position; clamping keeps neighbours neighbours, since it never stretches."""
-    column = min(max((x - grid.x_low) * grid.inverse_size, 0.0), grid.columns - 1.0)
-    row = min(max((y - grid.y_low) * grid.inverse_size, 0.0), grid.rows - 1.0)
-    return int(row) * grid.columns + int(column)
+    column = _clamped((x - grid.x_low) * grid.inverse_size, grid.columns - 1)
+    row = _clamped((y - grid.y_low) * grid.inverse_size, grid.rows - 1)
+    return row * grid.columns + column
 
 
 @kernel

@@ -43,12 +43,15 @@ class Health(NamedTuple):
     forces : (float, float)
         Bounds of the drift now, per mass and per inertia, without its linear part; infinite where
         something else drives as well (pressure).
+    outside : int
+        Particles' coordinates beyond reflecting walls; 0 for grids and where edges are open.
     """
 
     mass: float
     least_density: float
     speeds: tuple[float, float]
     forces: tuple[float, float]
+    outside: int = 0
 
 
 class Model(Protocol):

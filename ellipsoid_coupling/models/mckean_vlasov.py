@@ -235,8 +235,8 @@ class McKeanVlasov:
         return particle_spot(self._state, self._setup)
 
     def health(self) -> Health:
-        """Speeds and forces of all particles."""
-        return particle_health(self._state)
+        """Speeds and forces of all particles, and whether all are inside."""
+        return particle_health(self._state, self._limits.box)
 
     def counts(self) -> Counts:
         """The steps, samples and harmonics."""

@@ -178,11 +178,11 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
     return Spot((x, y, *map(float, place[2:, i])), terms)
 
 
-def particle_health(state: ParticleState) -> Health:
-    """Of all realisations together."""
-    out = np.empty(4)
-    survey_particles(state.velocity, state.force, out)
-    return Health(1.0, 0.0, (float(out[0]), float(out[1])), (float(out[2]), float(out[3])))
+def particle_health(state: ParticleState, box: Floats | None) -> Health:
+    """Of all realisations together, between the walls `box` of `Limits`."""
+    place, velocity, force = state[:3]
+    v, omega, pull, torque, outside = survey_particles(place, velocity, force, box)
+    return Health(1.0, 0.0, (v, omega), (pull, torque), outside)
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

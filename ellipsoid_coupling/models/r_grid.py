@@ -52,7 +52,10 @@ from ellipsoid_coupling.schemes.sweeps import sweep
 
 Floats = NDArray[np.float64]
 
-_STEPS_PER_CALL = 4
+# A call of `advance` takes so many steps, or more where a step takes less than the look of the
+# monitors that follows.
+_STEPS_PER_CALL, _MOST_STEPS_PER_CALL = 4, 16
+_CELLS_PER_CALL = 16_000
 # A sweep over so many cells takes some 0.1 ms: sharing less costs more than it gains.
 _CELLS_PER_THREAD = 5000
 
@@ -78,6 +81,8 @@ class RGridEquation:
         self.terms = scene_cell_terms(setup, self.grid)
         self._interaction, self._walls = _scene_interaction(setup, self.grid)
         self._splitting = splitting
+        steps = _CELLS_PER_CALL // (self.grid.nx * self.grid.ny)
+        self._steps_per_call = min(max(steps, _STEPS_PER_CALL), _MOST_STEPS_PER_CALL)
         # The density that mass 1 has all over the domain, a small part of it.
         self._vacuum = VACUUM / (scene.domain.width * scene.domain.height)
         self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
@@ -141,7 +146,7 @@ class RGridEquation:
     def advance(self, until: float) -> None:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
         with threads_for(self.grid.nx * self.grid.ny, _CELLS_PER_THREAD):
-            status = advance_by_limits(self, until, _STEPS_PER_CALL)
+            status = advance_by_limits(self, until, self._steps_per_call)
         if status != RUNNING and not np.isfinite(self.drift).all():
             status = NOT_FINITE
         if status != RUNNING:

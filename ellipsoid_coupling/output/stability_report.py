@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ellipsoid_coupling.compare.stability import Case, Field, write_stability
+from ellipsoid_coupling.compare.stability.examine import REFERENCE_OF_PRESSURE
 from ellipsoid_coupling.compare.stability.watch import LARGEST_DRIFT, MOST_STEPS
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.figures import draw_stability
@@ -41,13 +42,16 @@ the difference of &lt;e<sup>2 i theta</sup>&gt; (0 to 2), against the reference 
 names: the model's own scheme <code>accurate</code> with half as many cells and angles again, or
 a hundredth of the tolerance; with noise, more realisations of other noise, so that what is shown is
 mostly the sampling error of a few hundred particles.</p>
-<ul><li><b>stop</b>: the run ended with a reason. It may take
+<ul><li><b>stop</b>, <b>dt</b>: the run ended with a reason, and would need the step after dt. It may take
 {", ".join(f"{steps} steps ({kind})" for kind, steps in MOST_STEPS.items())}, repeated ones included;
 no clock takes part, so that the map is the same on any machine.</li>
 <li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (what left
 through open edges counted), a density was negative or a particle outside the walls.</li>
 <li><b>bad in.</b>: refused as bad input, before anything was computed.</li>
-<li><b>-</b>: the case means nothing to the model. <b>?</b>: the reference took too many steps.</li>
+<li><b>-</b>: the case means nothing to the model. <b>?</b>: the run held, but its error is not
+known, as the reference took more steps than a run may ({REFERENCE_OF_PRESSURE:g} of that under pressure)
+or is left out (100 000 particles that all touch one another: minutes an evaluation). Other models have
+the same case with a reference.</li>
 </ul>
 <p>Large errors of <code>accurate</code> say that the small scene does not resolve the case (a needle
 of a hundredth of a cell) or that its paths are chaotic, not that the scheme failed. Where

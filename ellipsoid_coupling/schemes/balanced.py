@@ -67,6 +67,8 @@ class BalancedHeun:
 
     def prepare(self) -> None:
         """The pull of the interaction at the present density, where no step has told it yet."""
+        # A pull is a magnitude, whatever a checkpoint from elsewhere says.
+        np.abs(self.memory, out=self.memory)
         if not self.memory.any():
             self._note_pull(self._potential(0.0))
 

@@ -11,7 +11,7 @@ MEANING = {
     ),
     NOT_FINITE: (
         "the solution is no longer finite",
-        "Use a smaller time step or CFL number, or the scheme `accurate`.",
+        "Use a smaller time step, tolerance or CFL number; `accurate` bears more than `paper`.",
     ),
     STEP_TOO_SMALL: (
         "the step size fell below 1e-12 of the run's length",

@@ -58,6 +58,23 @@ def new_clock(rows: int, first_step: float, reason: int) -> Floats:
     return clock
 
 
+def clock_fault(clock: Floats, low: float, high: float) -> str:
+    """What clocks (rows, CLOCK_COLUMNS) from a file have that no run between two times has, or "".
+
+    Kernels take the reason as an index and divide by the step, without looking.
+    """
+    reason, step = clock[:, PLANNED_BY], clock[:, NEXT_STEP]
+    if not np.isin(reason, np.arange(len(REASONS))).all():
+        return f"a reason {reason.max():g} of {len(REASONS)}"
+    if not (step > 0.0).all():
+        return f"a next step of {step.min():g}"
+    if not ((low <= clock[:, TIME]) & (clock[:, TIME] <= high)).all():
+        return f"t = {clock[:, TIME].max():g} beyond [{low:g}, {high:g}]"
+    if (clock[:, STATUS] != RUNNING).any() or (clock < 0.0).any():
+        return "a status or a count that no run has"
+    return ""
+
+
 @kernel
 def equal_steps(remaining: float, largest: float) -> float:
     """The step that reaches the end in the fewest equal steps, none above `largest`."""
@@ -68,7 +85,7 @@ def equal_steps(remaining: float, largest: float) -> float:
 
 @kernel
 def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int) -> None:
-    """A step of dt is done; plan `next_step`, which `reason` limits. One row, in place.
+    """A step of dt is done; plan `next_step`, which `reason` limits, or give up. One row, in place.
 
     A step cut short to meet `until` says nothing against the longer one that was planned.
     """
@@ -85,6 +102,9 @@ def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int
     clock[TIME] = until if dt >= remaining else clock[TIME] + dt
     if next_step < dt or next_step > planned:
         clock[NEXT_STEP], clock[PLANNED_BY] = next_step, reason
+    # With noise steps are never repeated, so that `reject` cannot see this.
+    if clock[TIME] < until and next_step < dt and not next_step > SMALLEST_STEP * until:
+        clock[STATUS] = STEP_TOO_SMALL
 
 
 @kernel

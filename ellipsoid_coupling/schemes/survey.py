@@ -8,11 +8,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import kernel, parallel_kernel, threads_for
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
+
+# To look at so many cells takes as long as to wake a thread.
+_CELLS_PER_THREAD = 20_000
 
 # A sum, the least density, the sums of rho |v|^2 and of rho omega^2.
 _MASS, _LEAST, _MOTION, _SPIN = range(4)
@@ -50,7 +53,8 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
     count = planes.shape[1] - 2 * first
     rows = np.empty((count * (planes.shape[2] - 2 * GHOSTS), 4))
-    _survey(planes, first, count, rows)
+    with threads_for(rows.shape[0] * (planes.shape[3] - 2 * GHOSTS), _CELLS_PER_THREAD):
+        _survey(planes, first, count, rows)
     mass, motion, spin = (float(rows[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
     if not mass > 0.0:
         return mass, float(rows[:, _LEAST].min()), (0.0, 0.0)
@@ -60,27 +64,47 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
 
 
 @kernel
-def survey_particles(velocity: Floats, force: Floats, out: Floats) -> None:
-    """Root mean squares of v and omega and the largest forces of all particles.
+def _count_outside(place: Floats, box: Floats | None) -> int:
+    """How many coordinates of (R, D, N) places are not within the walls `box` (2, 2), NaN included."""
+    count = 0
+    if box is not None:
+        for k in range(place.shape[0]):
+            for d in range(2):
+                low, high = box[d, 0], box[d, 1]
+                for i in range(place.shape[2]):
+                    count += not low <= place[k, d, i] <= high
+    return count
+
+
+@kernel
+def survey_particles(
+    place: Floats, velocity: Floats, force: Floats, box: Floats | None
+) -> tuple[float, float, float, float, int]:
+    """Root mean squares of v and omega, the largest forces, and how many coordinates are outside.
 
     Parameters
     ----------
-    velocity, force : (R, D, N) float64
-    out : (4,)
-        Overwritten: v, omega, the largest |F_x| or |F_y|, the largest |F_bar|.
+    place, velocity, force : (R, D, N) float64
+    box : (2, 2) float64 or None
+        The walls, as in `Limits`; None where none reflects.
+
+    Returns
+    -------
+    v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
     """
-    out[:] = 0.0
     count = velocity.shape[0] * velocity.shape[2]
+    squares, largest = np.zeros(2), np.zeros(2)
     for k in range(velocity.shape[0]):
         for d in range(velocity.shape[1]):
             kind = 1 if d == 2 else 0
-            square, largest = 0.0, 0.0
+            square, most = 0.0, 0.0
             for i in range(velocity.shape[2]):
                 square += velocity[k, d, i] * velocity[k, d, i]
-                largest = max(largest, abs(force[k, d, i]))
-            out[kind] += square / count
-            out[2 + kind] = max(out[2 + kind], largest)
-    out[0], out[1] = math.sqrt(out[0]), math.sqrt(out[1])
+                most = max(most, abs(force[k, d, i]))
+            squares[kind] += square / count
+            largest[kind] = max(largest[kind], most)
+    v, omega = math.sqrt(squares[0]), math.sqrt(squares[1])
+    return v, omega, largest[0], largest[1], _count_outside(place, box)
 
 
 def largest_magnitude(values: NDArray[np.floating] | None) -> float:

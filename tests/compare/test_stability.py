@@ -86,7 +86,8 @@ def test_the_report_is_whole(tmp_path: Path) -> None:
     report_stability([*fields, stopped], cases, tmp_path)
     lines = list(csv.DictReader((tmp_path / "stability.csv").read_text().splitlines()))
     assert len(lines) == 5
-    assert set(lines[0]) == set(Field.__dataclass_fields__)
+    assert set(lines[0]) == {*Field.__dataclass_fields__, "error"}
+    assert float(lines[0]["error"]) == fields[0].error
     page = (tmp_path / "index.html").read_text()
     assert "&lt;b&gt;" in page
     assert "a &amp; b" in page

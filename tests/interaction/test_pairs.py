@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.interaction.cells import cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.cells import cell_grid, cell_index, sort_by_cell
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.kernels import plain
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
@@ -84,3 +84,25 @@ def test_ghosts_act_like_particles_with_their_factor() -> None:
     both_axis = np.hstack([axis, ghost_axis])
     from_ghosts = double_loop(both_place, both_axis, shape)[:, :40] - plain
     assert np.allclose(force - plain, 10.0 * from_ghosts, atol=1e-12 * np.abs(force).max())
+
+
+@pytest.mark.parametrize(
+    ("x", "column"),
+    [
+        (-1.0, 0),
+        (0.1, 0),
+        (0.25, 1),
+        (0.999, 3),
+        (1.0, 3),
+        (1e300, 3),
+        (np.inf, 3),
+        (-np.inf, 0),
+        (np.nan, 0),
+    ],
+)
+def test_every_number_has_a_cell(x: float, column: int) -> None:
+    """Four columns of a quarter; what is beyond the rim or no number at all is no foreign memory."""
+    grid = cell_grid((0.0, 1.0), (0.0, 0.5), 0.5)
+    for index in (cell_index, plain(cell_index)):
+        assert index(x, 0.3, grid) == grid.columns + column
+        assert index(0.1, x, grid) % grid.columns == 0

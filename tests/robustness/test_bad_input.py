@@ -153,6 +153,28 @@ def result(content: bytes | None) -> Make:
     return make
 
 
+def special_result(make: Callable[[Path], object]) -> Make:
+    """`figures` of a run folder whose result.nc is no ordinary file."""
+
+    def made(folder: Path) -> list[str]:
+        (folder / "run").mkdir()
+        make(folder / "run" / "result.nc")
+        return ["figures", str(folder / "run"), "--out", str(folder / "out")]
+
+    return made
+
+
+def resumed(name: str, make: Callable[[Path], object], *options: str) -> Make:
+    """`run --resume` in a folder that holds one thing."""
+
+    def made(folder: Path) -> list[str]:
+        (folder / "run").mkdir()
+        make(folder / "run" / name)
+        return ["run", "rotation", *RUN, "--resume", *options, "--out", str(folder / "run")]
+
+    return made
+
+
 def run_toml(run: str) -> Make:
     """A run.toml with this [run]."""
     scene = load_scene("cavity")
@@ -215,6 +237,7 @@ BAD: dict[str, tuple[Make, str]] = {
         setting("particles.length=1e-9", "particles.width=1e-9"), r"cells of half a reach.*TB",
     ),
     "cell > domain": (setting("numerics.cell=3.0", model="diffusive"), r"divides the domain"),
+    "no setting at all": (setting(), r"--set: expected key=value, found nothing"),
     "no equals": (setting("particles.number"), r"--set: expected key=value"),
     "deep setting": (setting("x=" + "[" * 5000), r"nested more than 50 deep"),
     "unknown field": (
@@ -224,6 +247,8 @@ BAD: dict[str, tuple[Make, str]] = {
     "negative seed": (option("--seed", "-1"), r"--seed: expected a whole number"),
     "no number": (option("--seed", "abc"), r"(?i)abc"),
     "10^15 realisations": (option("--realisations", str(10**15)), r"particles, which take"),
+    "no time": (option("--longest", "0"), r"--longest: expected seconds above 0"),
+    "no number of seconds": (option("--longest", "nan"), r"--longest: .*found nan"),
     "unknown model": (command("run", "cavity", "--model", "../x"), r"--model: expected one of"),
     "endless": (command("compare", "cavity", "--longest", "inf"), r"--longest: expected finite"),
     "out is a file": (
@@ -294,6 +319,21 @@ BAD: dict[str, tuple[Make, str]] = {
     "no result": (result(None), r"a run folder or a result\.nc, found none"),
     "empty result": (result(b""), r"result\.nc: expected a result file, found no checksum"),
     "no hdf5": (result(b"\x89HDF\r\n\x1a\n" * 100), r"result\.nc: expected a result file"),
+    "result is a pipe": (special_result(os.mkfifo), r"result\.nc: .*found a named pipe"),
+    "result is a folder": (special_result(Path.mkdir), r"result\.nc: .*found a folder"),
+    "result is a circle": (special_result(_link_to_itself), r"result\.nc.*symbolic links"),
+    "result is endless": (
+        special_result(lambda path: path.symlink_to("/dev/zero")), r"result\.nc: .*found a device",
+    ),
+    "resumed elsewhere": (resumed("thesis.tex", Path.touch), r"a run\.toml, found .*thesis\.tex"),
+    "resumed without its run.toml": (
+        resumed("checkpoint.npz", Path.touch), r"a run\.toml, found .*checkpoint\.npz",
+    ),
+    "run.toml is a pipe": (resumed("run.toml", os.mkfifo), r"run\.toml: .*found a named pipe"),
+    "run.toml is a folder": (resumed("run.toml", Path.mkdir), r"run\.toml: .*found a folder"),
+    "checkpoint is a folder": (
+        resumed("checkpoint.npz", Path.mkdir, "--force"), r"checkpoint\.npz: .*found a folder",
+    ),
     "run.toml seed": (run_toml("seed = -3"), r"my\.toml, \[run\], key seed"),
     "run.toml model": (run_toml("model = 3"), r"my\.toml, \[run\], key model"),
     "run.toml unknown": (run_toml("python = 'os'"), r"key python: expected one of"),

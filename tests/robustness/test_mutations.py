@@ -21,11 +21,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.checkpoint import Progress, pack, unpack
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, analytic_flow
-from ellipsoid_coupling.inputs import read_arrays
+from ellipsoid_coupling.models import Model, Setup, build_model
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import builtin_scenes, load_scene, scene_to_toml
+from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, RunFolder
+from ellipsoid_coupling.scenes import builtin_scenes, load_scene, scene_to_toml, terms_of
+from ellipsoid_coupling.schemes.step_control import clock_fault
 from ellipsoid_coupling.seal import sealed
 from tests.robustness.conftest import within_limits
 from tests.robustness.reading import Worker
@@ -189,14 +192,14 @@ def test_saved_flows(tmp_path: Path, mutate: Mutation, inside: bool) -> None:
     refused(read, path)
 
 
-def repack(path: Path, mutate: Mutation) -> None:
-    """Change the first member of an .npz; the archive around it stays whole."""
+def repack(path: Path, mutate: Mutation, number: int = 0) -> None:
+    """Change one member of an .npz; the archive around it stays whole."""
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
-    first = next(iter(members))
+    changed = list(members)[number % len(members)]
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in members.items():
-            archive.writestr(name, mutate(data) if name == first else data)
+            archive.writestr(name, mutate(data) if name == changed else data)
 
 
 def small_result() -> Result:
@@ -256,20 +259,42 @@ def test_results_that_are_whole_but_no_results(
         Result.load(tmp_path / "result.nc")
 
 
+def small_model() -> Model:
+    scene = load_scene("top_bottom", {"particles.number": 4, "particles.realisations": 2})
+    flow = analytic_flow("top_bottom")
+    return build_model(
+        "microscopic", Setup(scene, terms_of(scene, "microscopic"), "accurate", flow, 0, 2)
+    )
+
+
 @trials(300)
-@given(mutate=mutations(), inside=st.booleans())
-def test_checkpoints(tmp_path: Path, mutate: Mutation, inside: bool) -> None:
-    """The arrays of a checkpoint come back as they were, or not at all."""
-    path = tmp_path / "checkpoint.npz"
-    arrays = {"state.place": np.arange(12.0).reshape(2, 3, 2), "state.blocks": np.arange(3)}
-    np.savez(path, allow_pickle=False, seconds=np.zeros(2), **arrays)
-    if inside:
-        repack(path, mutate)
-    else:
-        path.write_bytes(mutate(path.read_bytes()))
+@given(mutate=mutations(), member=st.integers(-12, 9))
+def test_checkpoints(tmp_path: Path, mutate: Mutation, member: int) -> None:
+    """The file is changed, or one of its arrays before it is packed with a right checksum.
+
+    A changed file gives what it held, or nothing; a changed array a state with which kernels can
+    go on, for they do not look.
+    """
+    place = RunFolder(tmp_path, resume=True)
+    path = tmp_path / CHECKPOINT_FILE
+    before, after = small_model(), small_model()
+    while before.time < 0.1:
+        before.advance(0.1)
+    place.save(pack(before, Progress([before.snapshot()], np.zeros(2), (1.0, 1.0))))
 
     def read() -> None:
-        for array in read_arrays(path, "a checkpoint", 1_000_000).values():
-            assert array.dtype.kind in "biufU"
+        arrays = place.load()
+        assert arrays is not None
+        unpack(arrays, after, (0.1, 1.0), str(path))
 
-    refused(read, path)
+    assert not refused(read, path)
+    if member >= 0:
+        repack(path, mutate, member)
+    else:
+        path.write_bytes(mutate(path.read_bytes()))
+    if refused(read, path):
+        return
+    for name, array in after.state().items():
+        assert member >= 0 or array.tobytes() == before.state()[name].tobytes()
+        assert np.isfinite(array).all() or name == "clock"
+    assert not clock_fault(after.state()["clock"].astype(np.float64), 0.1, 1.0)

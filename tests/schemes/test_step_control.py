@@ -11,9 +11,13 @@ from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMAL
 from ellipsoid_coupling.schemes.step_control import (
     CFL,
     FIRST_COUNT,
+    GIVEN,
     NEXT_STEP,
+    POSITION_ERROR,
     ROTATION,
+    STATUS,
     TIME,
+    accept,
     advance_by_limits,
     equal_steps,
     new_clock,
@@ -112,3 +116,21 @@ def test_repeating_has_an_end() -> None:
     assert advance_by_limits(toy, 1.0, 10) == STEP_TOO_SMALL
     assert toy.clock[0, NEXT_STEP] == pytest.approx(2.0**-40)
     assert toy.steps == []
+
+
+def test_steps_that_shrink_without_being_repeated_have_an_end_too() -> None:
+    """As with noise: each step is kept, and the next planned a third as long."""
+    clock = new_clock(1, 0.1, GIVEN)[0]
+    steps = 0
+    while clock[STATUS] == RUNNING:
+        dt = float(clock[NEXT_STEP])
+        accept(clock, 1.0, dt, 0.3 * dt, POSITION_ERROR)
+        steps += 1
+    assert clock[STATUS] == STEP_TOO_SMALL
+    assert steps == 22  # 0.1 * 0.3^22 is the first below 1e-12
+
+
+def test_a_short_first_step_may_grow() -> None:
+    clock = new_clock(1, 1e-14, GIVEN)[0]
+    accept(clock, 1.0, 1e-14, 2e-14, POSITION_ERROR)
+    assert clock[STATUS] == RUNNING

@@ -41,10 +41,10 @@ def map_stability(
 
 
 def write_stability(fields: Sequence[Field], folder: Path) -> Path:
-    """stability.csv, one line a run."""
+    """stability.csv, one line a run; the error is the larger of the two before it."""
     path = folder / "stability.csv"
     with whole_file(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(list(Field.__dataclass_fields__))
-        writer.writerows([list(vars(field).values()) for field in fields])
+        writer.writerow([*Field.__dataclass_fields__, "error"])
+        writer.writerows([[*vars(field).values(), field.error] for field in fields])
     return path

@@ -61,6 +61,11 @@ class MapField(Protocol):
         """NaN where it is not known."""
         ...
 
+    @property
+    def needed_step(self) -> float:
+        """The step that a run which stopped would need; NaN where it is not known."""
+        ...
+
 
 class _Look(NamedTuple):
     """How a field is drawn."""
@@ -81,6 +86,9 @@ _UNKNOWN = _Look("#FFFFFF", "black", "?")
 
 def look_of(field: MapField) -> _Look:
     """Fill, colour of the letters and words of a field."""
+    if field.outcome == "stopped" and math.isfinite(field.needed_step):
+        words = f"dt {field.needed_step:.0e}".replace("e-0", "e-")
+        return _ENDED["stopped"]._replace(words=words)
     if field.outcome in _ENDED:
         return _ENDED[field.outcome]
     if not math.isfinite(field.error):
@@ -105,7 +113,7 @@ def _legend_patches() -> list[Patch]:
     named = {
         "bad in.": "refused: bad input",
         "-": "means nothing here",
-        "stop": "stopped, with reason",
+        "stop": "stopped; dt: step it would need",
     }
     patches = [
         Patch(facecolor=shade, edgecolor="#666666", label=word)

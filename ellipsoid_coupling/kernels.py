@@ -55,6 +55,9 @@ def _source_hash() -> str:
 # Threads that wait for work shall sleep: by default they spin, and on a machine that is busy with
 # something else two threads then take longer than one (measured: 27 s, one thread 16 s, asleep 13 s).
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+# But not at once: to wake them takes 60 us, which small grids would pay at every loop. So many turns
+# (some 30 us) bridge the way from one kernel to the next: 2 us.
+os.environ.setdefault("GOMP_SPINCOUNT", "2000")
 
 _config: Any = numba.config
 _config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())

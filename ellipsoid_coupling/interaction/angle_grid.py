@@ -241,8 +241,13 @@ def _multiply_rows(
         odd, sign = signs[0, c] == 1, signs[1, c]
         for a in range(count):
             sum_products(block[c, angles.which[a]], angles.which, source, sums)
-            for j in range(n):
-                up = complex(sums[0, j], sums[1, j])
-                down = complex(sign * sums[2, j], sign * sums[3, j])
-                fields[c, angles.mirror[a], minus, j] = 1j * down if odd else down
-                fields[c, a, plus, j] = 1j * up if odd else up
+            up, down = fields[c, a, plus], fields[c, angles.mirror[a], minus]
+            if odd:
+                # The transform of an odd kernel is imaginary: times i.
+                for j in range(n):
+                    down[j] = complex(-sign * sums[3, j], sign * sums[2, j])
+                    up[j] = complex(-sums[1, j], sums[0, j])
+            else:
+                for j in range(n):
+                    down[j] = complex(sign * sums[2, j], sign * sums[3, j])
+                    up[j] = complex(sums[0, j], sums[1, j])

@@ -149,13 +149,16 @@ def _multiply_rows(
         for p in range(functions):
             sum_products(block[c, p], every, source, sums)
             parity = parities[c, p]
-            for j in range(n):
-                k = frequencies[j]
-                up = complex(sums[0, j], sums[1, j])
-                down = complex(parity * sums[2, j], parity * sums[3, j])
-                # The transform of the force's odd kernel is imaginary.
-                fields[c, p, minus, k] = down if c == 2 else 1j * down
-                fields[c, p, plus, k] = up if c == 2 else 1j * up
+            up, down = fields[c, p, plus], fields[c, p, minus]
+            if c == 2:
+                for j in range(n):
+                    down[frequencies[j]] = complex(parity * sums[2, j], parity * sums[3, j])
+                    up[frequencies[j]] = complex(sums[0, j], sums[1, j])
+            else:
+                # The transform of the force's odd kernel is imaginary: times i.
+                for j in range(n):
+                    down[frequencies[j]] = complex(-parity * sums[3, j], parity * sums[2, j])
+                    up[frequencies[j]] = complex(-sums[1, j], sums[0, j])
 
 
 @parallel_kernel

@@ -26,8 +26,8 @@ Integers = NDArray[np.int64]
 # From so many particles on a realisation has all threads; with fewer, realisations share them.
 LEAST_LARGE = 5000
 
-# A task has at least so many particles (some 0.3 ms of pair sums), and there are at most so many.
-_LEAST_PER_TASK = 500
+# A task has at least so many particles (some 0.7 ms of pair sums), and there are at most so many.
+_LEAST_PER_TASK = 1250
 _MOST_TASKS = 32
 
 

@@ -164,7 +164,7 @@ class McKeanVlasov:
         outside = np.zeros(place.shape[0], np.int64)
         drift, walls = self._drift, self._walls
         over_blocks(
-            place.shape[0],
+            place,
             lambda a, b: _own_forces(drift, walls, place, force, outside, (a, b)),
         )
         if self._interaction is not None:
@@ -192,7 +192,7 @@ class McKeanVlasov:
             for k in range(first, end):
                 noise[k] = gaussian_block(seed, k, block, components, number)
 
-        over_blocks(realisations, draw)
+        over_blocks(self._state.place, draw)
         self._blocks += 1
         return noise
 

@@ -41,8 +41,10 @@ from ellipsoid_coupling.schemes.step_control import (
 Floats = NDArray[np.float64]
 SetForces = Callable[[Floats, Floats], int]
 
-# Blocks are handed to the threads in this many tasks at most.
+# Blocks are handed to the threads in this many tasks at most, each of so many samples at least: fewer
+# take no longer than handing them out does.
 _TASKS = 32
+_LEAST_PER_TASK = 4000
 
 
 class Stepper(Protocol):
@@ -73,9 +75,10 @@ class Together(NamedTuple):
     noise_per_step: int
 
 
-def over_blocks(blocks: int, task: Callable[[int, int], None]) -> None:
-    """Run task(first, end) on parts of range(blocks), which together are all of it."""
-    parts = min(blocks, _TASKS)
+def over_blocks(place: Floats, task: Callable[[int, int], None]) -> None:
+    """Run task(first, end) on parts of the range of blocks of `place`, which together are all of it."""
+    blocks, _, size = place.shape
+    parts = min(blocks, _TASKS, max(1, blocks * size // _LEAST_PER_TASK))
     for_each(parts, lambda p: task(p * blocks // parts, (p + 1) * blocks // parts))
 
 
@@ -152,7 +155,7 @@ def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt:
     def move(first: int, end: int) -> None:
         _move(state, (first, end), step, rates, limits, dt)
 
-    over_blocks(state.place.shape[0], move)
+    over_blocks(state.place, move)
 
 
 def advance_leapfrog(
@@ -190,11 +193,11 @@ class _Exponential:
     def try_step(self, step: int, dt: float) -> tuple[float, int]:
         """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
         state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
-        blocks = state.place.shape[0]
-        over_blocks(blocks, lambda a, b: _predict(state, (a, b), step, rates, limits, trial, dt))
+        place = state.place
+        over_blocks(place, lambda a, b: _predict(state, (a, b), step, rates, limits, trial, dt))
         state.clock[0, OUTSIDE] = self.set_forces(trial.folded, trial.force)
         over_blocks(
-            blocks,
+            place,
             lambda a, b: _measure(state, (a, b), rates, limits, trial, dt, self.squares),
         )
         return largest_error(self.squares.mean(axis=0), limits.tolerance)
@@ -203,7 +206,7 @@ class _Exponential:
         """Finish the step that was tried."""
         state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
         over_blocks(
-            state.place.shape[0],
+            state.place,
             lambda a, b: _accept(state, (a, b), step, rates, limits, trial, dt),
         )
 

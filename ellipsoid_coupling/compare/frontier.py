@@ -6,15 +6,13 @@ level (`compare.timing`) and splits its error into parts (`compare.split`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ellipsoid_coupling.compare.errors import Errors
-from ellipsoid_coupling.compare.ladder import Ladder, Level, changed, make_ladder
-from ellipsoid_coupling.compare.reference import exact_reference, has_exact_reference
+from ellipsoid_coupling.compare.ladder import Ladder, Level, make_ladder
 from ellipsoid_coupling.compare.split import (
     Bins,
     Parts,
@@ -27,6 +25,7 @@ from ellipsoid_coupling.compare.split import (
     total_error,
 )
 from ellipsoid_coupling.compare.timing import Bench, Timed
+from ellipsoid_coupling.compare.yardstick import Yardstick, make_yardstick, own_sampling
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES
@@ -44,20 +43,11 @@ FRONTIER_MODELS = (
 )
 LONGEST = 60.0
 
-# Of the yardstick: samples, and how much finer than the scene's own its interaction is summed. At
-# the scene's own harmonics_tolerance the angles of `rotation` are 0.03 off.
-_MOST_SAMPLES = 1_000_000
-# 384^2 points of the exact solution are 0.003 off on the bins of `cavity_free`, 256^2 0.005.
-_EXACT_SIDE = 384
-_FINER_HARMONICS = 4.0
-_FEWEST_REALISATIONS = 8
 # Of the spacings of two levels that are extrapolated: nearer ones would magnify what is not of order h^p.
 _LEAST_RATIO = 1.45
 # So many levels are tried whatever the one before took: after a crossing of characteristics a coarse
 # grid may take more steps than a fine one. A run that takes too long is stopped.
 _TRIED = 4
-# The yardstick may take so many times what other runs may: all of them are measured against it.
-_YARDSTICK_TIME = 3.0
 
 
 @dataclass(frozen=True)
@@ -111,26 +101,6 @@ class Rung:
     status: str
 
 
-@dataclass(frozen=True)
-class Yardstick:
-    """What errors are measured against.
-
-    result, bins : the exact solution or the refined `mckean_vlasov`
-    ensemble : the refined `microscopic` ensemble; None where that model was not asked for
-    refined : each grid model's extrapolated bins and their uncertainty
-    group_size : particles of a realisation; None where samples are not random
-    spread : distance of the refined `mckean_vlasov` to the run before it; None for exact or one run
-    """
-
-    result: Result
-    bins: Bins
-    exact: bool
-    ensemble: Bins | None
-    refined: dict[str, tuple[Bins, Errors | None]]
-    group_size: int | None
-    spread: Errors | None
-
-
 def run_frontier(
     scene: Scene,
     flow: FlowField | None,
@@ -164,7 +134,7 @@ def run_frontier(
     """
     bench = Bench(flow, seed, longest, report)
     ladders, left_out = _fitting(scene, models, bench)
-    yardstick = _yardstick(scene, models, bench)
+    yardstick = make_yardstick(scene, models, bench)
     climbed = [(ladder, climb(ladder, bench, yardstick.group_size)) for ladder in ladders]
     yardstick.refined.update(_refined(climbed))
     rows = [_row(ladder, rung, yardstick) for ladder, rungs in climbed for rung in rungs]
@@ -172,7 +142,7 @@ def run_frontier(
         rows=rows,
         reference=yardstick.result,
         exact=yardstick.exact,
-        sampling=_own_sampling(yardstick),
+        sampling=own_sampling(yardstick),
         finest={},
         reference_name="exact" if yardstick.exact else "mckean_vlasov",
         left_out=tuple(left_out),
@@ -225,88 +195,6 @@ def climb(ladder: Ladder, bench: Bench, sample_group: int | None) -> list[Rung]:
         light = replace(timed, result=replace(timed.result, variables={}))
         rungs.append(Rung(level, light, bins, "completed"))
     return rungs
-
-
-def _yardstick(scene: Scene, models: Sequence[str], bench: Bench) -> Yardstick:
-    noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    group = scene.particles.number if noisy else None
-    spread = None
-    exact = has_exact_reference(scene)
-    if exact:
-        bench.tell(f"{scene.name}: exact reference", 0.0)
-        result = exact_reference(scene, bench.flow, _EXACT_SIDE)
-        bench.tell(f"{scene.name}: exact reference", 1.0)
-        bins = bin_result(result)
-    else:
-        result, before = _refined_samples(
-            scene, replace(bench, seed=bench.seed + 1, longest=_YARDSTICK_TIME * bench.longest)
-        )
-        bins = bin_result(result, group)
-        if before is not None:
-            spread = distance(bins, bin_result(before, group))[0]
-    ensemble = _refined_ensemble(scene, bench) if "microscopic" in models else None
-    return Yardstick(result, bins, exact, ensemble, {}, group, spread)
-
-
-def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]:
-    """`mckean_vlasov` up to the scene's own tolerance and a million samples, as far as time allows.
-
-    The finest, and the one before it.
-    """
-    numerics, own = scene.numerics, scene.particles.realisations
-    most = max(own, _MOST_SAMPLES // scene.particles.number)
-    finer = {"numerics.harmonics_tolerance": numerics.harmonics_tolerance / _FINER_HARMONICS}
-    levels = [
-        Level(
-            changed(scene, finer | {"numerics.tolerance": numerics.tolerance * factor}), cost, 0.0
-        )
-        for factor, cost in ((100.0, 1.0), (10.0, 1.3), (1.0, 2.0))
-    ]
-    # Building the harmonics costs most of a run; what a sample costs is unknown before: too long a
-    # run is stopped, and the one before it taken.
-    most_of_all = changed(levels[-1].scene, {"particles.realisations": most})
-    levels.append(Level(most_of_all, 4.0, 0.0))
-    return _finest(Ladder("mckean_vlasov", "accurate", tuple(levels), False), bench)
-
-
-def _refined_ensemble(scene: Scene, bench: Bench) -> Bins:
-    """`microscopic` at the scene's own tolerance and realisations, or as many as time allows."""
-    own = max(_FEWEST_REALISATIONS, scene.particles.realisations)
-    counts = sorted({max(_FEWEST_REALISATIONS, own // part) for part in (16, 4, 2, 1)})
-    levels = [
-        Level(changed(scene, {"particles.realisations": count}), float(count), 0.0)
-        for count in counts
-    ]
-    result, _ = _finest(Ladder("microscopic", "accurate", tuple(levels), False), bench)
-    return bin_result(result, scene.particles.number)
-
-
-def _finest(ladder: Ladder, bench: Bench) -> tuple[Result, Result | None]:
-    """The finest level that the time allows, and the one before it.
-
-    Raises
-    ------
-    RunError
-        If the first level fails.
-    """
-    bench.warm_up(ladder)
-    last: Timed | None = None
-    before: Timed | None = None
-    cost = 0.0
-    for level in ladder.levels:
-        if last is not None and last.best * level.cost / cost > bench.longest:
-            break
-        try:
-            # There must be one: the first level may take as long as it needs.
-            allowed = bench if last is not None else replace(bench, longest=math.inf)
-            found = allowed.run(ladder, level, repeats=1)
-        except RunError:
-            if last is None:
-                raise
-            break
-        last, before, cost = found, last, level.cost
-    assert last is not None  # a ladder has a level, and the first one raises
-    return last.result, None if before is None else before.result
 
 
 def _refined(
@@ -405,12 +293,3 @@ def level_text(ladder: Ladder, level: Level) -> str:
         else f"tolerance = {numerics.tolerance:g}"
     )
     return f"{particles.number} x {particles.realisations} particles, {step}"
-
-
-def _own_sampling(yardstick: Yardstick) -> Errors:
-    """What the yardstick's own finite number of samples costs; 0 where they are not random."""
-    bins = yardstick.bins
-    if bins.density.shape[0] > 1:
-        return sampling_error(bins, bins.samples * bins.density.shape[0])
-    nothing = np.zeros(yardstick.result.times.size)
-    return Errors(nothing, nothing)

@@ -12,7 +12,7 @@ from scipy import stats
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare import Frontier, FrontierRow, run_frontier, timing
-from ellipsoid_coupling.compare import frontier as frontier_module
+from ellipsoid_coupling.compare import yardstick as yardstick_module
 from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.split import (
     Bins,
@@ -231,7 +231,7 @@ def test_parts_without_interaction_are_what_the_exact_solution_says(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Rotation before any crossing: no finite-N part, no closure part, discretisation alone."""
-    monkeypatch.setattr(frontier_module, "_EXACT_SIDE", 192)
+    monkeypatch.setattr(yardstick_module, "_EXACT_SIDE", 192)
     values = {"interaction": None, "times": [0.5, 1.0], "particles.number": 500}
     scene = ec.load_scene("rotation", values | {"particles.realisations": 16})
     models = ("microscopic", "rho_mono_kinetic")

@@ -18,7 +18,7 @@ from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
-NUMBER = 6000
+NUMBER = 12000
 
 
 def places(seed: int = 0) -> Floats:
@@ -75,7 +75,7 @@ def test_blocks_cover_all_rows_and_have_two_at_least() -> None:
     cuts = np.array(row_blocks(sources, pairs.grid))
     assert cuts[0] == 0
     assert cuts[-1] == pairs.grid.rows
-    assert len(cuts) > 3
+    assert len(cuts) > 4
     assert (np.diff(cuts)[:-1] >= 2).all()
     assert cuts[-1] > cuts[-2]
 

@@ -17,6 +17,9 @@ Floats = NDArray[np.float64]
 # To look at so many cells takes as long as to wake a thread.
 _CELLS_PER_THREAD = 20_000
 
+# Sums and extremes over particles are kept in so many lanes, which do not wait for one another.
+_LANES = 64
+
 # A sum, the least density, the sums of rho |v|^2 and of rho omega^2.
 _MASS, _LEAST, _MOTION, _SPIN = range(4)
 
@@ -64,16 +67,19 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
 
 
 @kernel
-def _count_outside(place: Floats, box: Floats | None) -> int:
-    """How many coordinates of (R, D, N) places are not within the walls `box` (2, 2), NaN included."""
-    count = 0
-    if box is not None:
-        for k in range(place.shape[0]):
-            for d in range(2):
-                low, high = box[d, 0], box[d, 1]
-                for i in range(place.shape[2]):
-                    count += not low <= place[k, d, i] <= high
-    return count
+def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floats) -> None:
+    """Lane by lane: squares += v^2, largest = max(largest, |F|)."""
+    for lane in range(velocity.size):
+        squares[lane] += velocity[lane] * velocity[lane]
+        size = abs(force[lane])
+        largest[lane] = size if size > largest[lane] else largest[lane]
+
+
+@kernel
+def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> None:
+    """Lane by lane, how many places are not within low .. high; NaN is not."""
+    for lane in range(place.size):
+        outside[lane] += 0.0 if low <= place[lane] <= high else 1.0
 
 
 @kernel
@@ -92,19 +98,20 @@ def survey_particles(
     -------
     v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
     """
-    count = velocity.shape[0] * velocity.shape[2]
-    squares, largest = np.zeros(2), np.zeros(2)
-    for k in range(velocity.shape[0]):
-        for d in range(velocity.shape[1]):
+    realisations, components, number = velocity.shape
+    squares, largest = np.zeros((2, _LANES)), np.zeros((2, _LANES))
+    outside = np.zeros(_LANES)
+    for k in range(realisations):
+        for d in range(components):
             kind = 1 if d == 2 else 0
-            square, most = 0.0, 0.0
-            for i in range(velocity.shape[2]):
-                square += velocity[k, d, i] * velocity[k, d, i]
-                most = max(most, abs(force[k, d, i]))
-            squares[kind] += square / count
-            largest[kind] = max(largest[kind], most)
-    v, omega = math.sqrt(squares[0]), math.sqrt(squares[1])
-    return v, omega, largest[0], largest[1], _count_outside(place, box)
+            for first in range(0, number, _LANES):
+                run = slice(first, min(first + _LANES, number))
+                _add_squares(squares[kind], largest[kind], velocity[k, d, run], force[k, d, run])
+                if box is not None and d < 2:
+                    _add_outside(outside, place[k, d, run], box[d, 0], box[d, 1])
+    count = realisations * number
+    v, omega = math.sqrt(squares[0].sum() / count), math.sqrt(squares[1].sum() / count)
+    return v, omega, largest[0].max(), largest[1].max(), int(outside.sum())
 
 
 def largest_magnitude(values: NDArray[np.floating] | None) -> float:

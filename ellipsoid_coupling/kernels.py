@@ -17,15 +17,14 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
 import numba
-from numba.core import event, types
-from numba.extending import intrinsic, overload
+from numba.core import event
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Strict floating point. With re-association or contraction the compiler rounds as it likes, and not
 # alike in a process that compiles a kernel and in one that loads it from the cache: the linker may
 # then choose another copy of an inner kernel. Sums whose order may be free are written in lanes, and
-# fused multiply-adds as `fused`, so that this costs little.
+# fused multiply-adds as `instructions.fused`, so that this costs little.
 KERNEL_OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": False,
@@ -61,31 +60,6 @@ os.environ.setdefault("GOMP_SPINCOUNT", "2000")
 
 _config: Any = numba.config
 _config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
-
-
-def fused(a: float, b: float, c: float) -> float:
-    """A b + c, in kernels with one rounding (one instruction); plain Python rounds twice."""
-    return a * b + c
-
-
-def _fma(context: Any, a: Any, b: Any, c: Any) -> Any:
-    """The type of LLVM's fused multiply-add, and what makes it."""
-    del context, a, b, c
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del context, signature
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), generate
-
-
-_compiled_fma: Any = intrinsic(_fma)
-
-
-@overload(fused, inline="always", strict=False)
-def _choose_fused(a: Any, b: Any, c: Any) -> Any:
-    del a, b, c
-    return lambda a, b, c: _compiled_fma(a, b, c)
 
 
 def kernel(function: Function) -> Function:

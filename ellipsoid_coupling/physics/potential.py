@@ -22,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ellipsoid_coupling.kernels import fused, inline_kernel
+from ellipsoid_coupling.instructions import fused
+from ellipsoid_coupling.kernels import inline_kernel
 
 # exp(-s/(1-s)) is below 1e-300 beyond this s, so clamping changes nothing and spares a branch.
 LARGEST_S = 0.9985

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.kernels import parallel_kernel, threads_for
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
+
+# To fill so many ghost cells takes as long as to wake a thread.
+_CELLS_PER_THREAD = 4000
 
 
 def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> None:
@@ -32,14 +36,15 @@ def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> Non
     """
     before, n, after = fields.shape[1:axis], fields.shape[axis], fields.shape[axis + 1 :]
     shape = fields.shape[0], math.prod(before), n, math.prod(after)
-    _fill(np.reshape(fields, shape, copy=False), reflecting, normal)
+    with threads_for(shape[1] * shape[3], _CELLS_PER_THREAD):
+        _fill(np.reshape(fields, shape, copy=False), reflecting, normal)
 
 
-@kernel
+@parallel_kernel
 def _fill(fields: Floats, reflecting: bool, normal: int) -> None:
     """`fill_ghosts` along the third axis of four."""
     n = fields.shape[2]
-    for line in range(fields.shape[1]):
+    for line in numba.prange(fields.shape[1]):
         # Layer by layer: the second mirrors the other end's first where there is one cell only.
         for layer in range(GHOSTS):
             for end in range(2):
@@ -56,7 +61,21 @@ def _fill(fields: Floats, reflecting: bool, normal: int) -> None:
 
 
 def fill_periodic(fields: Floats, axis: int) -> None:
-    """Fill the ghost layers at both ends of a periodic direction, in place."""
-    lines = np.moveaxis(fields, axis, 1)
-    lines[:, :GHOSTS] = lines[:, -2 * GHOSTS : -GHOSTS]
-    lines[:, -GHOSTS:] = lines[:, GHOSTS : 2 * GHOSTS]
+    """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place."""
+    before, n, after = fields.shape[:axis], fields.shape[axis], fields.shape[axis + 1 :]
+    shape = math.prod(before), n, math.prod(after)
+    with threads_for(shape[0] * shape[2], _CELLS_PER_THREAD):
+        _wrap(np.reshape(fields, shape, copy=False))
+
+
+@parallel_kernel
+def _wrap(fields: Floats) -> None:
+    """`fill_periodic` along the second axis of three."""
+    last = fields.shape[1] - 2 * GHOSTS
+    layers = 2 * GHOSTS
+    for task in numba.prange(fields.shape[0] * layers):
+        line, layer = task // layers, task % layers
+        ghost = layer if layer < GHOSTS else last + layer
+        image = ghost + last if layer < GHOSTS else ghost - last
+        for i in range(fields.shape[2]):
+            fields[line, ghost, i] = fields[line, image, i]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.schemes.grid import GHOSTS, Grid
 
 Floats = NDArray[np.float64]
@@ -140,19 +140,24 @@ def occupied_extents(fields: Floats, within: Extents | None = None) -> Extents:
 
 def grown(extents: Extents, columns: int, axis: int) -> Extents:
     """One more cell at both ends along an axis; the angle is periodic, x (`columns` cells) and y end."""
-    wider = extents.copy()
-    if axis == -1:
-        filled = extents[..., 1] > 0
-        wider[..., 0] = np.maximum(extents[..., 0] - 1, 0)
-        wider[..., 1] = np.where(filled, np.minimum(extents[..., 1] + 1, columns), 0)
-        return wider
-    for shift in (1, -1):
-        if axis == -3:
-            whole, beside = wider, np.roll(extents, shift, 0)
-        elif shift == 1:
-            whole, beside = wider[:, 1:], extents[:, :-1]
-        else:
-            whole, beside = wider[:, :-1], extents[:, 1:]
-        np.minimum(whole[..., 0], beside[..., 0], out=whole[..., 0])
-        np.maximum(whole[..., 1], beside[..., 1], out=whole[..., 1])
+    wider = np.empty_like(extents)
+    _grow(extents, columns, axis, wider)
     return wider
+
+
+@kernel
+def _grow(extents: Extents, columns: int, axis: int, wider: Extents) -> None:
+    angles, rows = extents.shape[:2]
+    for a in range(angles):
+        for j in range(rows):
+            first, end = extents[a, j, 0], extents[a, j, 1]
+            if axis == -1 and end > 0:
+                first, end = max(first - 1, 0), min(end + 1, columns)
+            for step in (-1, 1):
+                if axis == -3:
+                    beside = extents[(a + step) % angles, j]
+                    first, end = min(first, beside[0]), max(end, beside[1])
+                elif axis == -2 and 0 <= j + step < rows:
+                    beside = extents[a, j + step]
+                    first, end = min(first, beside[0]), max(end, beside[1])
+            wider[a, j, 0], wider[a, j, 1] = first, end

@@ -71,10 +71,23 @@ def _at_the_edge(runs: Runs, axis: int, padded: list[int]) -> Runs:
 
 def row_runs(extents: Extents, row: int, plane: int) -> Runs:
     """One run along x a row that holds mass; row and plane are the strides of the padded fields."""
-    a, j = np.nonzero(extents[..., 1] > 0)
-    first, end = extents[a, j].T
-    starts = (a + GHOSTS) * plane + (j + GHOSTS) * row + first + GHOSTS
-    return Runs(starts, np.ascontiguousarray(end - first), np.ones(a.size, np.int64))
+    found = np.empty((2, extents.shape[0] * extents.shape[1]), np.int64)
+    first, length = found[:, : _find_rows(extents, row, plane, found)]
+    return Runs(first, length, np.ones(first.size, np.int64))
+
+
+@kernel
+def _find_rows(extents: Extents, row: int, plane: int, found: Extents) -> int:
+    """Fill first and length of `found` (2, most); returns how many runs there are."""
+    runs = 0
+    for a in range(extents.shape[0]):
+        for j in range(extents.shape[1]):
+            first, end = extents[a, j, 0], extents[a, j, 1]
+            if end > 0:
+                found[0, runs] = (a + GHOSTS) * plane + (j + GHOSTS) * row + first + GHOSTS
+                found[1, runs] = end - first
+                runs += 1
+    return runs
 
 
 def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:

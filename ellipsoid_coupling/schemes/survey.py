@@ -71,8 +71,7 @@ def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floa
     """Lane by lane: squares += v^2, largest = max(largest, |F|)."""
     for lane in range(velocity.size):
         squares[lane] += velocity[lane] * velocity[lane]
-        size = abs(force[lane])
-        largest[lane] = size if size > largest[lane] else largest[lane]
+        largest[lane] = max(largest[lane], abs(force[lane]))
 
 
 @kernel

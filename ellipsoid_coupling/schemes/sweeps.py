@@ -17,8 +17,18 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.instructions import fetch_ahead
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, Flux, Span, outflow, run_of
+from ellipsoid_coupling.schemes.fluxes.contract import (
+    DENSITY,
+    Flux,
+    Inverse,
+    Span,
+    at_faces,
+    invert,
+    outflow,
+    run_of,
+)
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
@@ -27,7 +37,9 @@ Floats = NDArray[np.float64]
 # counts more than a place in the first cache (angles of 150 x 150 cells: 57 M cells/s with 75
 # columns, 131 with 150); narrow where there are few lines, so that threads can share them.
 _WIDE, _NARROW, _MANY_LINES = 320, 64, 16
-_WORK_ROWS = 6
+_WORK_ROWS = 5
+# Numbers in a line of the cache.
+_CACHE_LINE = 8
 # Runs that a thread takes at a time, at the most: they differ in length.
 _CHUNK = 16
 
@@ -65,59 +77,94 @@ class _Exchange(NamedTuple):
 
 
 @kernel
-def _update(
-    fields: Floats, first: int, moved: _Exchange, vacuum: float, new_density: Floats
-) -> None:
-    """U -= leaving, U += entering, for a run of cells; what is as thin as `vacuum` is emptied.
+def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux) -> None:
+    """U -= leaving, U += entering, for a run of cells; what is as thin as the vacuum is emptied.
 
-    new_density : (width,) scratch.
+    Written so that NaN is no vacuum: it shall be found.
     """
-    width = new_density.size
+    vacuum = flux.vacuum
+    density = run_of(fields, DENSITY, first, width)
     for k in range(fields.shape[0]):
         content = run_of(fields, k, first, width)
         up = run_of(moved.up, k, moved.at[0], width)
         down = run_of(moved.down, k, moved.at[1], width)
         below = run_of(moved.below, k, moved.at[2], width)
         above = run_of(moved.above, k, moved.at[3], width)
-        if k == DENSITY:
+        if at_faces(flux):
+            if k == DENSITY:
+                for i in range(width):
+                    new = density[i] + (below[i] - up[i])
+                    density[i] = 0.0 if new <= vacuum else new
+            else:
+                for i in range(width):
+                    new = content[i] + (below[i] - up[i])
+                    content[i] = 0.0 if density[i] == 0.0 else new
+        elif k == DENSITY:
             for i in range(width):
-                new_density[i] = content[i] + (below[i] + above[i] - up[i] - down[i])
-        for i in range(width):
-            new = content[i] + (below[i] + above[i] - up[i] - down[i])
-            content[i] = 0.0 if new_density[i] <= vacuum else new
+                new = density[i] + (below[i] + above[i] - up[i] - down[i])
+                density[i] = 0.0 if new <= vacuum else new
+        else:
+            for i in range(width):
+                new = content[i] + (below[i] + above[i] - up[i] - down[i])
+                content[i] = 0.0 if density[i] == 0.0 else new
 
 
 @parallel_kernel
-def _sweep_rows(flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: float) -> None:
+def _sweep_rows(
+    flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: float, tasks: int
+) -> None:
     components = fields.shape[0]
     starts, counts, _ = runs
-    for row in numba.prange(starts.size):
-        first, n = starts[row], counts[row]
-        up = np.empty((components, n + 2))
-        down = np.empty((components, n + 2))
-        work = np.empty((_WORK_ROWS, n + 2))
-        outflow(flux, fields, Span(first - 1, n + 2, 1, normal), ratio, up, down, work)
+    longest = counts.max() + 2
+    for task in numba.prange(tasks):
+        up = np.empty((components, longest))
+        down = np.empty((components, longest))
+        work = np.empty((_WORK_ROWS, longest))
+        room = np.empty(longest + 2)
         moved = _Exchange(up, down, up, down, (1, 1, 0, 2))
-        _update(fields, first, moved, flux.vacuum, work[0, :n])
+        for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
+            first, n = starts[row], counts[row]
+            invert(fields, first - 2, flux.vacuum, room[: n + 4])
+            inverse = Inverse(room[1:], room[2:], room)
+            here = Span(first - 1, n + 2, 1, normal)
+            outflow(flux, fields, here, inverse, ratio, up, down, work)
+            _update(fields, first, n, moved, flux)
+
+
+@kernel
+def _fetch(fields: Floats, first: int, width: int) -> None:
+    """Ask for a row before it is needed: the processor does not guess strides as long as a plane."""
+    for k in range(fields.shape[0]):
+        row = run_of(fields, k, first, width)
+        for i in range(0, width, _CACHE_LINE):
+            fetch_ahead(row, i)
 
 
 @kernel
 def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float) -> None:
     """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index."""
-    components, width = fields.shape[0], span.width
+    components, width, stride = fields.shape[0], span.width, span.stride
     up = np.empty((3, components, width))
     down = np.empty((3, components, width))
     work = np.empty((_WORK_ROWS, width))
-    stride = span.stride
+    inverses = np.empty((3, width))
+    for row in range(-2, 0):
+        invert(fields, begin + row * stride, flux.vacuum, inverses[row + 3])
     for row in range(-1, n + 1):
         at = begin + row * stride
-        new = (row + 3) % 3
+        new, old, middle = (row + 3) % 3, (row + 1) % 3, (row + 2) % 3
+        if row + 4 < n:
+            for k in range(components):
+                ahead = run_of(fields, k, at + 2 * stride, width)
+                for i in range(0, width, 8):
+                    fetch_ahead(ahead, i)
+        invert(fields, at + stride, flux.vacuum, inverses[old])
+        inverse = Inverse(inverses[new], inverses[old], inverses[middle])
         here = Span(at, width, stride, span.normal)
-        outflow(flux, fields, here, ratio, up[new], down[new], work)
+        outflow(flux, fields, here, inverse, ratio, up[new], down[new], work)
         if row >= 1:
-            old, middle = (row + 1) % 3, (row + 2) % 3
             moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
-            _update(fields, at - stride, moved, flux.vacuum, work[0])
+            _update(fields, at - stride, width, moved, flux)
 
 
 @parallel_kernel
@@ -128,6 +175,17 @@ def _sweep_columns(
     for task in numba.prange(starts.size):
         first = starts[task]
         _march(flux, fields, first, counts[task], Span(first, widths[task], stride, normal), ratio)
+
+
+@kernel
+def _through(flux: Flux, fields: Floats, span: Span, ratio: float) -> tuple[float, float]:
+    """The mass that leaves the cells of a span through their upper and through their lower faces."""
+    up, down = np.empty((2, fields.shape[0], span.width))
+    work, rows = np.empty((_WORK_ROWS, span.width)), np.empty((3, span.width))
+    for k in range(3):
+        invert(fields, span.start + (k - 1) * span.stride, flux.vacuum, rows[k])
+    outflow(flux, fields, span, Inverse(rows[1], rows[2], rows[0]), ratio, up, down, work)
+    return up[DENSITY].sum(), 0.0 if at_faces(flux) else down[DENSITY].sum()
 
 
 @kernel
@@ -143,16 +201,10 @@ def leaving(
     for task in range(starts.size):
         first, last = starts[task], starts[task] + (counts[task] - 1) * stride
         width = widths[task]
-        up, down = np.empty((2, fields.shape[0], width))
-        work = np.empty((_WORK_ROWS, width))
-        outflow(flux, fields, Span(first, width, stride, normal), ratio, up, down, work)
-        total += down[DENSITY].sum()
-        outflow(flux, fields, Span(first - stride, width, stride, normal), ratio, up, down, work)
-        total -= up[DENSITY].sum()
-        outflow(flux, fields, Span(last, width, stride, normal), ratio, up, down, work)
-        total += up[DENSITY].sum()
-        outflow(flux, fields, Span(last + stride, width, stride, normal), ratio, up, down, work)
-        total -= down[DENSITY].sum()
+        total += _through(flux, fields, Span(first, width, stride, normal), ratio)[1]
+        total -= _through(flux, fields, Span(first - stride, width, stride, normal), ratio)[0]
+        total += _through(flux, fields, Span(last, width, stride, normal), ratio)[0]
+        total -= _through(flux, fields, Span(last + stride, width, stride, normal), ratio)[1]
     return total
 
 
@@ -184,7 +236,8 @@ def sweep_runs(
     fair = runs.first.size // (4 * numba.get_num_threads())
     with numba.parallel_chunksize(max(1, min(_CHUNK, fair))):
         if stride == 1:
-            _sweep_rows(flux, fields, runs, normal, ratio)
+            tasks = max(1, min(runs.first.size, 16 * numba.get_num_threads()))
+            _sweep_rows(flux, fields, runs, normal, ratio, tasks)
         else:
             _sweep_columns(flux, fields, runs, stride, normal, ratio)
 

@@ -12,7 +12,7 @@ from scipy import special
 
 from ellipsoid_coupling.schemes.boundary import fill_ghosts
 from ellipsoid_coupling.schemes.fluxes import kinetic
-from ellipsoid_coupling.schemes.fluxes.contract import Span
+from ellipsoid_coupling.schemes.fluxes.contract import Inverse, Span
 from ellipsoid_coupling.schemes.fluxes.kinetic import Kinetic, kinetic_outflow
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.sweeps import sweep
@@ -67,9 +67,12 @@ def test_compiled_sweep_equals_its_plain_twin() -> None:
     fill_ghosts(fields, 2, False, 1)
     flat = fields.reshape(4, -1)
     first = GHOSTS * fields.shape[2] + GHOSTS
-    up, down, work = np.zeros((4, 15)), np.zeros((4, 15)), np.zeros((6, 15))
+    up, down, work = np.zeros((4, 15)), np.zeros((4, 15)), np.zeros((5, 15))
+    density = flat[0, first - 2 : first + 15]
+    inverse = np.divide(1.0, density, out=np.zeros(17), where=density > 0.0)
+    thin = Inverse(inverse[1:-1], inverse[2:], inverse[:-2])
     with np.errstate(divide="ignore"):
-        kinetic_outflow(Kinetic(tilt), flat, Span(first - 1, 15, 1, 1), 0.3, up, down, work)
+        kinetic_outflow(Kinetic(tilt), flat, Span(first - 1, 15, 1, 1), thin, 0.3, up, down, work)
     expected = flat[:, first : first + 13] - up[:, 1:-1] - down[:, 1:-1] + up[:, :-2] + down[:, 2:]
     sweep(Kinetic(tilt), fields, -1, 1, 0.3)
     np.testing.assert_allclose(inner, expected, atol=1e-14)

@@ -33,7 +33,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import inline_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, around, register_flux
+from ellipsoid_coupling.schemes.fluxes.contract import (
+    DENSITY,
+    VACUUM,
+    Inverse,
+    Span,
+    around,
+    register_flux,
+)
 
 Floats = NDArray[np.float64]
 
@@ -66,11 +73,6 @@ def limited(low: float, high: float, factor: float, size: float) -> float:
 
 
 @inline_kernel
-def _inverse(density: float, vacuum: float) -> float:
-    return 1.0 / density if density > vacuum else 0.0
-
-
-@inline_kernel
 def _carried_slope(
     before: float, here: float, after: float, empty_before: bool, empty_after: bool
 ) -> float:
@@ -87,6 +89,7 @@ def ballistic_outflow(
     flux: Ballistic,
     fields: Floats,
     span: Span,
+    inverse: Inverse,
     ratio: float,
     up: Floats,
     down: Floats,
@@ -99,17 +102,15 @@ def ballistic_outflow(
     for i in range(width):
         before, here, after = below_it[i], densities[i], above_it[i]
         slope = limited(here - before, after - here, _DENSITY_LIMIT, here)
-        own = _inverse(here, flux.vacuum)
+        own = inverse.here[i]
         centre = slope * own / 12.0
-        inverse_before = _inverse(before, flux.vacuum)
-        inverse_after = _inverse(after, flux.vacuum)
         v = momenta[i] * own
         dv = _carried_slope(
-            momenta_below[i] * inverse_before,
+            momenta_below[i] * inverse.below[i],
             v,
-            momenta_above[i] * inverse_after,
-            inverse_before == 0.0,
-            inverse_after == 0.0,
+            momenta_above[i] * inverse.above[i],
+            inverse.below[i] == 0.0,
+            inverse.above[i] == 0.0,
         )
         stretch = 1.0 / max(1.0 + ratio * dv, 0.1)
         above = min(max(ratio * (v + dv * (0.5 - centre)) * stretch, 0.0), flux.largest_part)
@@ -118,24 +119,21 @@ def ballistic_outflow(
         work[0, i] = above
         work[1, i] = below
         work[2, i] = slope
-        work[3, i] = own
-        work[4, i] = inverse_before
-        work[5, i] = inverse_after
         up[DENSITY, i] = above * (here + slope * (0.5 - 0.5 * above))
         down[DENSITY, i] = below * (here - slope * (0.5 - 0.5 * below))
     for k in range(1, fields.shape[0]):
         contents, contents_above, contents_below = around(fields, k, span)
         for i in range(width):
-            value = contents[i] * work[3, i]
+            value = contents[i] * inverse.here[i]
             change = _carried_slope(
-                contents_below[i] * work[4, i],
+                contents_below[i] * inverse.below[i],
                 value,
-                contents_above[i] * work[5, i],
-                work[4, i] == 0.0,
-                work[5, i] == 0.0,
+                contents_above[i] * inverse.above[i],
+                inverse.below[i] == 0.0,
+                inverse.above[i] == 0.0,
             )
             above, below, slope = work[0, i], work[1, i], work[2, i]
-            centre = slope * work[3, i] / 12.0
+            centre = slope * inverse.here[i] / 12.0
             bend = change * slope / 12.0
             up[k, i] = (
                 up[DENSITY, i] * (value + change * (0.5 - 0.5 * above - centre)) + bend * above**3

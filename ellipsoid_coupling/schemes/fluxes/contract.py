@@ -9,7 +9,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import KERNEL_OPTIONS, inline_kernel
+from ellipsoid_coupling.kernels import KERNEL_OPTIONS, inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 
@@ -66,10 +66,30 @@ def around(fields: Floats, component: int, span: Span) -> tuple[Floats, Floats, 
     )
 
 
+class Inverse(NamedTuple):
+    """1/rho, 0 in vacuum, of the cells of a span, of their upper and of their lower neighbours.
+
+    Each (width or more,). Whatever is carried is its field times this; divided once a cell only.
+    """
+
+    here: Floats
+    above: Floats
+    below: Floats
+
+
+@kernel
+def invert(fields: Floats, first: int, vacuum: float, inverse: Floats) -> None:
+    """1/rho of the cells from `first` on, as many as `inverse` has room for; 0 in vacuum."""
+    density = run_of(fields, DENSITY, first, inverse.size)
+    for i in range(inverse.size):
+        inverse[i] = 1.0 / density[i] if density[i] > vacuum else 0.0
+
+
 def outflow(
     flux: Flux,
     fields: Floats,
     span: Span,
+    inverse: Inverse,
     ratio: float,
     up: Floats,
     down: Floats,
@@ -87,25 +107,50 @@ def outflow(
     fields : (K, cells) float64
         Conserved fields, flat; component 0 is the density.
     span : Span
+    inverse : Inverse
     ratio : float
         dt / h.
     up, down : (K, width or more)
         Overwritten: through the upper face into p + stride, through the lower into p - stride. A
-        flux given at faces puts all of it into `up`.
-    work : (6, width or more)
+        flux given at faces puts all of it into `up` and has `down` as scratch.
+    work : (5, width or more)
         Scratch rows.
     """
-    del fields, span, ratio, up, down, work
+    del fields, span, inverse, ratio, up, down, work
     raise TypeError(f"{type(flux).__name__} has no overload of outflow")
 
 
-def register_flux(flux_type: type[Any], implementation: Callable[..., None]) -> None:
-    """Make `implementation` what compiled sweeps call for a flux of this type."""
+def at_faces(flux: Flux) -> bool:
+    """Whether the flux is given at faces: all of it is in `up`, none in `down`."""
+    raise TypeError(f"{type(flux).__name__} has no overload of at_faces")
+
+
+def register_flux(
+    flux_type: type[Any], implementation: Callable[..., None], *, faces: bool = False
+) -> None:
+    """Make `implementation` what compiled sweeps call for a flux of this type.
+
+    faces : what `at_faces` says of it.
+    """
+
+    def is_meant(flux: Any) -> bool:
+        return getattr(flux, "instance_class", None) is flux_type
 
     def choose(
-        flux: Any, fields: Any, span: Any, ratio: Any, up: Any, down: Any, work: Any
+        flux: Any,
+        fields: Any,
+        span: Any,
+        inverse: Any,
+        ratio: Any,
+        up: Any,
+        down: Any,
+        work: Any,
     ) -> Callable[..., None] | None:
-        del fields, span, ratio, up, down, work
-        return implementation if getattr(flux, "instance_class", None) is flux_type else None
+        del fields, span, inverse, ratio, up, down, work
+        return implementation if is_meant(flux) else None
+
+    def choose_faces(flux: Any) -> Callable[[Any], bool] | None:
+        return (lambda _: faces) if is_meant(flux) else None
 
     overload(outflow, strict=False, jit_options=_OPTIONS)(choose)
+    overload(at_faces, strict=False, jit_options=_OPTIONS)(choose_faces)

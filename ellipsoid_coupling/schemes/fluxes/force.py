@@ -4,8 +4,14 @@
     F_LF    = (F(U_L) + F(U_R))/2 - h/(2 dt) (U_R - U_L)
     F_R     = F(U*),   U* = (U_L + U_R)/2 - dt/(2 h) (F(U_R) - F(U_L))
 
-with the physical flux of physics/closure.py. Stable for a CFL number up to 1; the density stays
-positive there.
+with the physical flux of physics/closure.py. Where a velocity carries all of a flux, F(U) = v U,
+
+    dt/h F_FORCE = w_L U_L + w_R U_R       c = dt/(2 h)
+    w_L =  1/4 + c v_L/2 + c v* (1/2 + c v_L)
+    w_R = -1/4 + c v_R/2 + c v* (1/2 - c v_R)
+
+alike for all fields; pressure adds to the momentum along the direction only. Stable for a CFL number
+up to 1; the density stays positive there.
 """
 
 from __future__ import annotations
@@ -15,8 +21,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import inline_kernel
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, register_flux, run_of
+from ellipsoid_coupling.instructions import fused
+from ellipsoid_coupling.schemes.fluxes.contract import (
+    DENSITY,
+    VACUUM,
+    Inverse,
+    Span,
+    register_flux,
+    run_of,
+)
 
 Floats = NDArray[np.float64]
 
@@ -30,15 +43,11 @@ class Force(NamedTuple):
     vacuum: float = VACUUM
 
 
-@inline_kernel
-def _velocity(momentum: float, density: float, vacuum: float) -> float:
-    return momentum / density if density > vacuum else 0.0
-
-
 def force_outflow(
     flux: Force,
     fields: Floats,
     span: Span,
+    inverse: Inverse,
     ratio: float,
     up: Floats,
     down: Floats,
@@ -51,35 +60,31 @@ def force_outflow(
     density_r = run_of(fields, DENSITY, start + stride, width)
     momentum_l = run_of(fields, normal, start, width)
     momentum_r = run_of(fields, normal, start + stride, width)
+    weight_l, weight_r, pressed = work[0], work[1], down[0]
     for i in range(width):
         thin, thick = density_l[i], density_r[i]
         slow, fast = momentum_l[i], momentum_r[i]
-        v_l = _velocity(slow, thin, vacuum)
-        v_r = _velocity(fast, thick, vacuum)
+        v_l = slow * inverse.here[i]
+        v_r = fast * inverse.above[i]
         middle_density = 0.5 * (thin + thick) - half * (fast - slow)
         rise = fast * v_r - slow * v_l + pressure * (thick - thin)
         middle_momentum = 0.5 * (slow + fast) - half * rise
-        work[0, i] = v_l
-        work[1, i] = v_r
-        work[2, i] = _velocity(middle_momentum, middle_density, vacuum)
-        work[3, i] = pressure * (thin + thick)
-        work[4, i] = pressure * middle_density
-        work[5, i] = pressure * (thick - thin)
+        middle_v = half * middle_momentum / middle_density if middle_density > vacuum else 0.0
+        part_l, part_r = half * v_l, half * v_r
+        weight_l[i] = fused(middle_v, 0.5 + part_l, fused(0.5, part_l, 0.25))
+        weight_r[i] = fused(middle_v, 0.5 - part_r, fused(0.5, part_r, -0.25))
+        pressed[i] = (half * pressure) * (
+            0.5 * (thin + thick) + middle_density - middle_v * (thick - thin)
+        )
     for k in range(fields.shape[0]):
-        pressed = 1.0 if k == normal else 0.0
         lefts = run_of(fields, k, start, width)
         rights = run_of(fields, k, start + stride, width)
+        through = up[k]
         for i in range(width):
-            left, right = lefts[i], rights[i]
-            flux_l, flux_r = work[0, i] * left, work[1, i] * right
-            friedrichs = 0.5 * (flux_l + flux_r + pressed * work[3, i]) - 0.5 / ratio * (
-                right - left
-            )
-            rise = flux_r - flux_l + pressed * work[5, i]
-            middle = 0.5 * (left + right) - half * rise
-            richtmyer = work[2, i] * middle + pressed * work[4, i]
-            up[k, i] = half * (friedrichs + richtmyer)
-            down[k, i] = 0.0
+            through[i] = fused(weight_l[i], lefts[i], weight_r[i] * rights[i])
+        if k == normal and pressure > 0.0:
+            for i in range(width):
+                through[i] += pressed[i]
 
 
-register_flux(Force, force_outflow)
+register_flux(Force, force_outflow, faces=True)

@@ -33,7 +33,14 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.kernels import inline_kernel
 from ellipsoid_coupling.physics.potential import exp_of_negative
 from ellipsoid_coupling.schemes.fluxes.ballistic import limited
-from ellipsoid_coupling.schemes.fluxes.contract import DENSITY, VACUUM, Span, around, register_flux
+from ellipsoid_coupling.schemes.fluxes.contract import (
+    DENSITY,
+    VACUUM,
+    Inverse,
+    Span,
+    around,
+    register_flux,
+)
 
 Floats = NDArray[np.float64]
 
@@ -117,6 +124,7 @@ def kinetic_outflow(
     flux: Kinetic,
     fields: Floats,
     span: Span,
+    inverse: Inverse,
     ratio: float,
     up: Floats,
     down: Floats,
@@ -133,11 +141,11 @@ def kinetic_outflow(
         rise, fall = tilt_up[i], 1.0 / tilt_down[i]
         factor = face_factor(before, here, after, rise, fall, flux.vacuum)
         filled = min(before, here, after) > flux.vacuum
-        own = 1.0 / here if here > flux.vacuum else 0.0
-        inverse_before = 1.0 / before if before > flux.vacuum else 0.0
-        inverse_after = 1.0 / after if after > flux.vacuum else 0.0
+        own = inverse.here[i]
         v = momenta[i] * own
-        dv = _slope(momenta_below[i] * inverse_before, v, momenta_above[i] * inverse_after, filled)
+        dv = _slope(
+            momenta_below[i] * inverse.below[i], v, momenta_above[i] * inverse.above[i], filled
+        )
         # The centre of mass of an exponential profile, to second order.
         at_top, at_bottom = factor * rise, fall / factor
         centre = (at_top - at_bottom) / 12.0
@@ -152,20 +160,17 @@ def kinetic_outflow(
         up[normal, i] = share * above * momentum_up
         down[normal, i] = -share * below * momentum_down
         work[0, i] = centre
-        work[1, i] = own
-        work[2, i] = inverse_before
-        work[3, i] = inverse_after
-        work[4, i] = 1.0 if filled else 0.0
+        work[1, i] = 1.0 if filled else 0.0
     for k in range(1, fields.shape[0]):
         if k != normal:
             contents, contents_above, contents_below = around(fields, k, span)
             for i in range(width):
-                value = contents[i] * work[1, i]
+                value = contents[i] * inverse.here[i]
                 change = _slope(
-                    contents_below[i] * work[2, i],
+                    contents_below[i] * inverse.below[i],
                     value,
-                    contents_above[i] * work[3, i],
-                    work[4, i] > 0.0,
+                    contents_above[i] * inverse.above[i],
+                    work[1, i] > 0.0,
                 )
                 up[k, i] = up[DENSITY, i] * (value + change * (0.5 - work[0, i]))
                 down[k, i] = down[DENSITY, i] * (value - change * (0.5 + work[0, i]))

@@ -1,0 +1,68 @@
+"""Single instructions of the processor that plain Python has no words for, to be used in kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic, overload
+
+# Numba ships half of its types: this function has none.
+_get_function: Any = cgutils.get_or_insert_function
+
+
+def fused(a: float, b: float, c: float) -> float:
+    """A b + c, in kernels with one rounding (one instruction); plain Python rounds twice."""
+    return a * b + c
+
+
+def _fma(context: Any, a: Any, b: Any, c: Any) -> Any:
+    """The type of LLVM's fused multiply-add, and what makes it."""
+    del context, a, b, c
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        del context, signature
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+_compiled_fma: Any = intrinsic(_fma)
+
+
+@overload(fused, inline="always", strict=False)
+def _choose_fused(a: Any, b: Any, c: Any) -> Any:
+    del a, b, c
+    return lambda a, b, c: _compiled_fma(a, b, c)
+
+
+def fetch_ahead(row: Any, index: int) -> None:
+    """Ask for the cache line of ``row[index]``, in kernels; plain Python has no need to."""
+    del row, index
+
+
+def _prefetch(context: Any, row: Any, index: Any) -> Any:
+    """The type of LLVM's prefetch of an array's element, and what makes it."""
+    del context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        pointer = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, number, number, number])
+        name = "llvm.prefetch.p0i8"
+        function = _get_function(builder.module, kind, name)
+        builder.call(function, [pointer, number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.none(row, index), generate
+
+
+_compiled_prefetch: Any = intrinsic(_prefetch)
+
+
+@overload(fetch_ahead, inline="always", strict=False)
+def _choose_fetch_ahead(row: Any, index: Any) -> Any:
+    del row, index
+    return lambda row, index: _compiled_prefetch(row, index)

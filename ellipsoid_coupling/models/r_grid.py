@@ -95,6 +95,8 @@ class RGridEquation:
         self._mass_start = self._mass()
         # What has left through open edges, in units of a cell's density.
         self._left = np.zeros(1)
+        # What a refused step gives back; new arrays in every step would cost as much as a sweep.
+        self._kept = np.empty_like(self.fields), np.empty_like(self.drift), np.empty(1)
         self.evaluate_drift()
 
     @property
@@ -158,10 +160,13 @@ class RGridEquation:
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all fields as before, if that was too long."""
-        before, drift, left = self.fields.copy(), self.drift.copy(), self._left.copy()
+        arrays = self.fields, self.drift, self._left
+        for kept, array in zip(self._kept, arrays, strict=True):
+            np.copyto(kept, array)
         if self._splitting.step(self, dt, int(self.clock[0, STEPS])):
             return True
-        self.fields[:], self.drift[:], self._left[:] = before, drift, left
+        for kept, array in zip(self._kept, arrays, strict=True):
+            np.copyto(array, kept)
         return False
 
     def _failure(self, status: int) -> RunError:

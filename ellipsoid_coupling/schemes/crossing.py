@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import parallel_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
@@ -32,16 +32,18 @@ _CROSSED, _EARLIEST, _STRONGEST = range(3)
 _X, _Y = 1, 2
 
 
-@kernel
+@parallel_kernel
 def _densest(fields: Floats, held: NDArray[np.bool_]) -> float:
     """The largest density of the rows that are `held`; at least 0."""
-    largest = 0.0
-    for a in range(held.shape[0]):
-        for j in range(held.shape[1]):
-            if held[a, j]:
-                for i in range(GHOSTS, fields.shape[3] - GHOSTS):
-                    largest = max(largest, fields[DENSITY, a, j + GHOSTS, i])
-    return largest
+    rows = held.shape[1]
+    densest = np.zeros(held.size)
+    for task in numba.prange(held.size):
+        a, j = task // rows, task % rows
+        largest = 0.0
+        for i in range(GHOSTS, fields.shape[3] - GHOSTS if held[a, j] else GHOSTS):
+            largest = max(largest, fields[DENSITY, a, j + GHOSTS, i])
+        densest[task] = largest
+    return float(densest.max())
 
 
 @parallel_kernel

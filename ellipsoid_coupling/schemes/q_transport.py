@@ -10,7 +10,7 @@ from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, grown
-from ellipsoid_coupling.schemes.sweeps import Runs, bundle_width, leaving, sweep_runs
+from ellipsoid_coupling.schemes.sweeps import Runs, bundle_width, sweep_runs
 
 Floats = NDArray[np.float64]
 
@@ -55,18 +55,10 @@ def transport(
     runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
     if runs.first.size:
         flat = fields.reshape(components, -1)
+        gone = sweep_runs(flux, flat, runs, stride, normal, ratio)
         if left is not None and axis != -3 and not reflecting:
-            left += leaving(flux, flat, _at_the_edge(runs, axis, padded), stride, normal, ratio)
-        sweep_runs(flux, flat, runs, stride, normal, ratio)
+            left += gone
     return extents
-
-
-def _at_the_edge(runs: Runs, axis: int, padded: list[int]) -> Runs:
-    """The runs that reach the first or the last cell of the grid along x or y."""
-    stride = 1 if axis == -1 else padded[2]
-    first = runs.first // stride % padded[axis] - GHOSTS
-    reaching = (first == 0) | (first + runs.length == padded[axis] - 2 * GHOSTS)
-    return Runs(*(part[reaching] for part in runs))
 
 
 def row_runs(extents: Extents, row: int, plane: int) -> Runs:

@@ -97,6 +97,12 @@ def _interaction_torque(forces: Forces | None, j: int, i: int) -> float:
     return _torque_at(forces.torque, j, i)
 
 
+@kernel
+def _row(fields: Floats, component: int, j: int) -> Floats:
+    """One component of row j without its ghosts, a view: loops over it vectorise."""
+    return fields[component, j + GHOSTS, GHOSTS : fields.shape[2] - GHOSTS]
+
+
 @parallel_kernel
 def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats) -> None:
     """Write F_x, F_y and F_bar of every cell that is not vacuum.
@@ -138,25 +144,27 @@ def kick_exactly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> 
         else -math.expm1(-terms.angular_damping * dt) / terms.angular_damping
     )
     for j in numba.prange(drift.shape[1]):
-        for i in range(drift.shape[2]):
-            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
-            for d in range(2):
-                k = MOMENTUM_X + d
-                old = fields[k, j + GHOSTS, i + GHOSTS]
-                fields[k, j + GHOSTS, i + GHOSTS] = decay * old + gain * rho * drift[d, j, i]
-            if fields.shape[0] == 5:
-                old = fields[SPIN, j + GHOSTS, i + GHOSTS]
-                new = spin_decay * old + spin_gain * rho * drift[2, j, i]
-                fields[SPIN, j + GHOSTS, i + GHOSTS] = new
+        density = _row(fields, RHO, j)
+        for d in range(2):
+            _kick(_row(fields, MOMENTUM_X + d, j), density, drift[d, j], decay, gain)
+        if fields.shape[0] == 5:
+            _kick(_row(fields, SPIN, j), density, drift[2, j], spin_decay, spin_gain)
+
+
+@kernel
+def _kick(carried: Floats, density: Floats, rate: Floats, decay: float, gain: float) -> None:
+    for i in range(density.size):
+        carried[i] = decay * carried[i] + gain * density[i] * rate[i]
 
 
 @parallel_kernel
 def turn(fields: Floats, dt: float) -> None:
     """Phi += dt omega in every cell, in place; nothing where nothing turns."""
     if fields.shape[0] == 5:
-        for j in numba.prange(fields.shape[1]):
-            for i in range(fields.shape[2]):
-                fields[ANGLE, j, i] += dt * fields[SPIN, j, i]
+        for j in numba.prange(fields.shape[1] - 2 * GHOSTS):
+            angles, spins = _row(fields, ANGLE, j), _row(fields, SPIN, j)
+            for i in range(angles.size):
+                angles[i] += dt * spins[i]
 
 
 @parallel_kernel
@@ -205,15 +213,23 @@ def _implicit_spin(
 @parallel_kernel
 def largest_rates(fields: Floats) -> tuple[float, float]:
     """The largest |v_x| or |v_y| and the largest |omega| of all cells that are not vacuum."""
-    speeds = np.zeros((fields.shape[1], 2))
-    for j in numba.prange(GHOSTS, fields.shape[1] - GHOSTS):
-        for i in range(GHOSTS, fields.shape[2] - GHOSTS):
-            rho = fields[RHO, j, i]
-            if rho > 0.0:
-                largest = max(abs(fields[MOMENTUM_X, j, i]), abs(fields[MOMENTUM_Y, j, i]))
-                speeds[j, 0] = max(speeds[j, 0], largest / rho)
-                if fields.shape[0] == 5:
-                    speeds[j, 1] = max(speeds[j, 1], abs(fields[SPIN, j, i]) / rho)
+    speeds = np.zeros((fields.shape[1] - 2 * GHOSTS, 2))
+    for j in numba.prange(speeds.shape[0]):
+        density, x, y = (
+            _row(fields, RHO, j),
+            _row(fields, MOMENTUM_X, j),
+            _row(fields, MOMENTUM_Y, j),
+        )
+        spins = _row(fields, SPIN, j) if fields.shape[0] == 5 else x[:0]
+        fastest, turning = 0.0, 0.0
+        for i in range(density.size):
+            if density[i] > 0.0:
+                share = 1.0 / density[i]
+                largest = max(abs(x[i]), abs(y[i]))
+                fastest = max(fastest, largest * share)
+                if spins.size > 0:
+                    turning = max(turning, abs(spins[i]) * share)
                 if not math.isfinite(largest):
-                    speeds[j, 0] = np.inf
+                    fastest = np.inf
+        speeds[j, 0], speeds[j, 1] = fastest, turning
     return speeds[:, 0].max(), speeds[:, 1].max()

@@ -22,6 +22,7 @@ from ellipsoid_coupling.schemes.sources import (
 )
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
 from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
+from ellipsoid_coupling.schemes.survey import largest_magnitude
 
 Floats = NDArray[np.float64]
 
@@ -70,10 +71,9 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root > 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, cfl: float) -> tuple[float, int]:
-    """As long as nothing flies further than cfl cells."""
-    speed, _ = largest_rates(equation.fields)
-    force = float(np.abs(equation.drift[:2]).max())
+def _cfl_step(equation: SplitEquation, speed: float, cfl: float) -> tuple[float, int]:
+    """As long as nothing flies further than cfl cells; `speed` is the largest one now."""
+    force = largest_magnitude(equation.drift[:2])
     distance = cfl * equation.cell
     dt = _longest(speed, force, equation.terms.damping, distance)
     return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
@@ -103,7 +103,7 @@ class GodunovSplitting:
         distance = cfl * equation.cell
         if speed > 0.0:
             return _step_for(speed, 0.0, distance), CFL_NUMBER
-        return _cfl_step(equation, cfl)
+        return _cfl_step(equation, speed, cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -125,10 +125,10 @@ class KickDriftKick:
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
-        _, spin = largest_rates(equation.fields)
-        torque = float(np.abs(equation.drift[2:]).max(initial=0.0))
+        speed, spin = largest_rates(equation.fields)
+        torque = largest_magnitude(equation.drift[2:])
         turning = _longest(spin, torque, equation.terms.angular_damping, _LARGEST_TURN)
-        return min(_cfl_step(equation, cfl), (turning, ROTATION))
+        return min(_cfl_step(equation, speed, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred."""

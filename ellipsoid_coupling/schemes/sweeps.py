@@ -11,6 +11,8 @@ What is swept is a list of runs, so that only cells that can hold mass are touch
 
 from __future__ import annotations
 
+import functools
+import math
 from typing import NamedTuple
 
 import numba
@@ -109,9 +111,21 @@ def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux
                 content[i] = 0.0 if density[i] == 0.0 else new
 
 
+@kernel
+def _mass(flux: Flux, up: Floats, down: Floats) -> float:
+    """The mass of two streams: what goes up through the faces of one row less what comes down."""
+    return up[DENSITY].sum() - (0.0 if at_faces(flux) else down[DENSITY].sum())
+
+
 @parallel_kernel
 def _sweep_rows(
-    flux: Flux, fields: Floats, runs: Runs, normal: int, ratio: float, tasks: int
+    flux: Flux,
+    fields: Floats,
+    runs: Runs,
+    normal: int,
+    ratio: float,
+    tasks: int,
+    gone: Floats,
 ) -> None:
     components = fields.shape[0]
     starts, counts, _ = runs
@@ -128,6 +142,8 @@ def _sweep_rows(
             inverse = Inverse(room[1:], room[2:], room)
             here = Span(first - 1, n + 2, 1, normal)
             outflow(flux, fields, here, inverse, ratio, up, down, work)
+            gone[row] = _mass(flux, up[:, n : n + 1], down[:, n + 1 : n + 2])
+            gone[row] -= _mass(flux, up[:, :1], down[:, 1:2])
             _update(fields, first, n, moved, flux)
 
 
@@ -141,13 +157,17 @@ def _fetch(fields: Floats, first: int, width: int) -> None:
 
 
 @kernel
-def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float) -> None:
-    """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index."""
+def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float) -> float:
+    """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index.
+
+    Returns the mass that has left through both ends, less what came in.
+    """
     components, width, stride = fields.shape[0], span.width, span.stride
     up = np.empty((3, components, width))
     down = np.empty((3, components, width))
     work = np.empty((_WORK_ROWS, width))
     inverses = np.empty((3, width))
+    gone = 0.0
     for row in range(-2, 0):
         invert(fields, begin + row * stride, flux.vacuum, inverses[row + 3])
     for row in range(-1, n + 1):
@@ -162,50 +182,25 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
         inverse = Inverse(inverses[new], inverses[old], inverses[middle])
         here = Span(at, width, stride, span.normal)
         outflow(flux, fields, here, inverse, ratio, up[new], down[new], work)
+        if row == 0:
+            gone -= _mass(flux, up[middle], down[new])
+        elif row == n:
+            gone += _mass(flux, up[middle], down[new])
         if row >= 1:
             moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
             _update(fields, at - stride, width, moved, flux)
+    return gone
 
 
 @parallel_kernel
 def _sweep_columns(
-    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
+    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float, gone: Floats
 ) -> None:
     starts, counts, widths = runs
     for task in numba.prange(starts.size):
         first = starts[task]
-        _march(flux, fields, first, counts[task], Span(first, widths[task], stride, normal), ratio)
-
-
-@kernel
-def _through(flux: Flux, fields: Floats, span: Span, ratio: float) -> tuple[float, float]:
-    """The mass that leaves the cells of a span through their upper and through their lower faces."""
-    up, down = np.empty((2, fields.shape[0], span.width))
-    work, rows = np.empty((_WORK_ROWS, span.width)), np.empty((3, span.width))
-    for k in range(3):
-        invert(fields, span.start + (k - 1) * span.stride, flux.vacuum, rows[k])
-    outflow(flux, fields, span, Inverse(rows[1], rows[2], rows[0]), ratio, up, down, work)
-    return up[DENSITY].sum(), 0.0 if at_faces(flux) else down[DENSITY].sum()
-
-
-@kernel
-def leaving(
-    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float
-) -> float:
-    """The mass that a step will take out of runs through their ends, less what it will bring in.
-
-    In units of a cell's density; arguments as for `sweep_runs`, which is still to come.
-    """
-    starts, counts, widths = runs
-    total = 0.0
-    for task in range(starts.size):
-        first, last = starts[task], starts[task] + (counts[task] - 1) * stride
-        width = widths[task]
-        total += _through(flux, fields, Span(first, width, stride, normal), ratio)[1]
-        total -= _through(flux, fields, Span(first - stride, width, stride, normal), ratio)[0]
-        total += _through(flux, fields, Span(last, width, stride, normal), ratio)[0]
-        total -= _through(flux, fields, Span(last + stride, width, stride, normal), ratio)[1]
-    return total
+        span = Span(first, widths[task], stride, normal)
+        gone[task] = _march(flux, fields, first, counts[task], span, ratio)
 
 
 def sweep_runs(
@@ -215,7 +210,7 @@ def sweep_runs(
     stride: int,
     normal: int,
     ratio: float,
-) -> None:
+) -> float:
     """Transport of all runs in one direction, in place.
 
     Parameters
@@ -232,14 +227,42 @@ def sweep_runs(
         Component of the momentum along it.
     ratio : float
         dt / h.
+
+    Returns
+    -------
+    float
+        The mass that has left through the ends of runs, less what came in, in units of a cell's
+        density.
     """
+    gone = np.empty(runs.first.size)
     fair = runs.first.size // (4 * numba.get_num_threads())
     with numba.parallel_chunksize(max(1, min(_CHUNK, fair))):
         if stride == 1:
             tasks = max(1, min(runs.first.size, 16 * numba.get_num_threads()))
-            _sweep_rows(flux, fields, runs, normal, ratio, tasks)
+            _sweep_rows(flux, fields, runs, normal, ratio, tasks, gone)
         else:
-            _sweep_columns(flux, fields, runs, stride, normal, ratio)
+            _sweep_columns(flux, fields, runs, stride, normal, ratio, gone)
+    return float(gone.sum())
+
+
+@functools.cache
+def _all_runs(padded: tuple[int, ...], axis: int) -> tuple[Runs, int]:
+    """The runs along one axis of a padded grid that is filled, and their stride."""
+    index = np.arange(math.prod(padded), dtype=np.int64).reshape(padded)
+    inner = index[(slice(GHOSTS, -GHOSTS),) * len(padded)]
+    # The first cell of every line along the axis; across rows, of every bundle of them.
+    first = np.moveaxis(inner, axis, 0)[0]
+    if axis == -1:
+        first, width = first.ravel(), np.ones(first.size, np.int64)
+    else:
+        bundle = bundle_width(first.shape[-1], first.size // first.shape[-1])
+        offsets = np.arange(0, first.shape[-1], bundle)
+        width = np.broadcast_to(
+            np.minimum(bundle, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
+        ).ravel()
+        first = first[..., ::bundle].ravel()
+    runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
+    return runs, math.prod(padded[axis + 1 :]) if axis != -1 else 1
 
 
 def sweep(
@@ -264,23 +287,8 @@ def sweep(
     left : (1,) float64, optional
         What leaves through the boundary is added, in units of a cell's density.
     """
-    components, *padded = fields.shape
-    index = np.arange(fields[0].size, dtype=np.int64).reshape(padded)
-    inner = index[(slice(GHOSTS, -GHOSTS),) * len(padded)]
-    # The first cell of every line along the axis; across rows, of every bundle of them.
-    first = np.moveaxis(inner, axis, 0)[0]
-    if axis == -1:
-        first, width = first.ravel(), np.ones(first.size, np.int64)
-    else:
-        bundle = bundle_width(first.shape[-1], first.size // first.shape[-1])
-        offsets = np.arange(0, first.shape[-1], bundle)
-        width = np.broadcast_to(
-            np.minimum(bundle, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
-        ).ravel()
-        first = first[..., ::bundle].ravel()
-    runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
-    stride = int(np.prod(padded[axis + 1 :])) if axis != -1 else 1
-    flat = fields.reshape(components, -1)
+    runs, stride = _all_runs(fields.shape[1:], axis)
+    flat = fields.reshape(fields.shape[0], -1)
+    gone = sweep_runs(flux, flat, runs, stride, normal, ratio)
     if left is not None:
-        left += leaving(flux, flat, runs, stride, normal, ratio)
-    sweep_runs(flux, flat, runs, stride, normal, ratio)
+        left += gone

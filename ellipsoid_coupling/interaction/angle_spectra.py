@@ -10,22 +10,21 @@ Angle cells are centred on multiples of their width, so that y -> -y maps cell a
     K_ab(k_x, -k_y) = +-K_{-a,-b}(k_x, k_y)
 
 and ky >= 0 is enough. Mass that fills a part of the grid needs shorter transforms only: the sampled
-kernels are kept (`AngleKernels`), and their spectra made for one length of a ladder at a time.
+kernels are kept (`AngleKernels`), and their spectra made for one length of a `Ladder` at a time.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
-from ellipsoid_coupling.interaction.spectra import LANES, Indices, Precision, Real, padded_length
+from ellipsoid_coupling.interaction.ladder import Ladder
+from ellipsoid_coupling.interaction.spectra import LANES, Indices, Precision, Real
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
@@ -33,8 +32,6 @@ Quantity = Literal["forces", "potential"]
 
 # Blocks larger than this are not made.
 MOST_BYTES = 3e9
-# Lengths of transforms: each some 0.8 of the next longer one, down to a tenth of the longest.
-_STEP, _RUNGS = 0.8, 11
 
 
 class AngleSpectra(NamedTuple):
@@ -115,12 +112,12 @@ class AngleKernels:
         angles, ny, nx = grid_shape
         widths = half_widths(shape, h)
         self._cells, self._precision = widths.size - 1, precision
-        self._longest = padded_length(ny, self._cells), padded_length(nx, self._cells)
+        self._ladder = Ladder((ny, nx), self._cells, self._make)
         torque = () if shape.shape_factor == 0.0 else _TORQUE
         self._components = _POTENTIAL if quantity == "potential" else _FORCE + torque
         self.odd, self.mirrored = np.array([[c.odd, c.mirrored] for c in self._components]).T.copy()
         n = distinct_angles(angles, shape)
-        _check_memory(self._block_shape(self._longest, n), grid_shape, precision)
+        _check_memory(self._block_shape(self._ladder.longest, n), grid_shape, precision)
         double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
         turned = np.cos(double), np.sin(double)
         offsets = self._cells + 1, 2 * self._cells + 1
@@ -128,24 +125,14 @@ class AngleKernels:
         for component, samples in zip(self._components, self._samples, strict=True):
             _sample(h, widths, tuple(shape), *turned, component.entry, samples)
         self._samples *= scale
-        self._made: dict[tuple[int, int], AngleSpectra] = {}
 
     def _block_shape(self, padded: tuple[int, int], n: int) -> tuple[int, ...]:
         columns = -(-(padded[1] // 2 + 1) // LANES) * LANES
         return padded[0] // 2 + 1, len(self._components), n, n, columns
 
     def spectra(self, rows: int, columns: int) -> AngleSpectra:
-        """For so many rows and columns of occupied cells; the last two that were asked for are kept.
-
-        Which lengths are taken follows from the numbers alone, not from what was asked before.
-        """
-        needed = rows + self._cells, columns + self._cells
-        padded = fitting_lengths(needed, self._longest)
-        spectra = self._made.pop(padded, None) or self._make(padded)
-        self._made[padded] = spectra
-        if len(self._made) > 2:
-            del self._made[next(iter(self._made))]
-        return spectra
+        """For so many rows and columns of occupied cells; see `Ladder`."""
+        return self._ladder.fitting(rows, columns)
 
     def _make(self, padded: tuple[int, int]) -> AngleSpectra:
         n = self._samples.shape[1]
@@ -153,20 +140,6 @@ class AngleKernels:
         for c, (samples, odd) in enumerate(zip(self._samples, self.odd, strict=True)):
             _transform(samples, padded, odd, blocks, c)
         return AngleSpectra(blocks, padded)
-
-
-def fitting_lengths(needed: tuple[int, int], longest: tuple[int, int]) -> tuple[int, int]:
-    """The shortest fast even lengths, `_STEP**rung` of the longest ones, that hold what is needed.
-
-    Both go down together, so that a cloud that grows passes each rung once.
-    """
-    fitting = longest
-    for rung in range(1, _RUNGS):
-        y, x = (2 * fft.next_fast_len(math.ceil(n * _STEP**rung / 2), real=True) for n in longest)
-        if y < needed[0] or x < needed[1]:
-            break
-        fitting = y, x
-    return fitting
 
 
 def _check_memory(

@@ -9,7 +9,8 @@ from ellipsoid_coupling.interaction.angular import angular_series
 from ellipsoid_coupling.interaction.direct import DirectInteraction
 from ellipsoid_coupling.interaction.grid_forces import GridInteraction, check_grid, half_widths
 from ellipsoid_coupling.interaction.harmonics import HarmonicInteraction
-from ellipsoid_coupling.interaction.spectra import LEAST_SINGLE_TOLERANCE, padded_length
+from ellipsoid_coupling.interaction.ladder import padded_length
+from ellipsoid_coupling.interaction.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.physics.potential import PotentialShape
 
 Method = Literal["auto", "direct", "harmonics"]

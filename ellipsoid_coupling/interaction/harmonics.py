@@ -17,17 +17,16 @@ from scipy import fft
 
 from ellipsoid_coupling.interaction.angular import AngularSeries, angular_basis
 from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fields, check_grid
+from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
     COMPONENT_PARITY,
     LANES,
-    Indices,
+    AngularKernel,
     Real,
     Spectra,
     basis_parity,
     precision_for,
-    stride,
     sum_products,
-    transform,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 
@@ -63,12 +62,13 @@ class HarmonicInteraction:
         self.series = series
         sizes = series.h**2, series.shape.size, strength
         self._precision = precision_for(series.tolerance, *sizes)
-        self._spectra = transform(series, grid_shape, strength, self._precision)
+        kernel = AngularKernel(series, strength, self._precision)
+        self._spectra = Ladder(grid_shape, kernel.cells, kernel.transform)
 
     def __call__(self, density: Array, angle: Array) -> Forces:
         """See `GridInteraction`."""
         check_fields(self.grid_shape, density, angle)
-        components = self._spectra.blocks.shape[1]
+        components = self.series.coefficients.shape[1]
         out = np.zeros((components, *self.grid_shape))
         box = occupied_box(density)
         if box is not None:
@@ -89,76 +89,68 @@ def occupied_box(density: Array) -> tuple[slice, slice] | None:
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def convolve(spectra: Spectra, sources: Real) -> Real:
+def convolve(ladder: Ladder[Spectra], sources: Real) -> Real:
     """sum_q K_pq * sources_q, (2M + 1, rows, columns) to (components, 2M + 1, rows, columns)."""
     workers = numba.get_num_threads()
     functions, rows, columns = sources.shape
-    y_stride = stride(spectra.padded[0], rows, spectra.cells)
-    x_stride = stride(spectra.padded[1], columns, spectra.cells)
-    py, px = spectra.padded[0] // y_stride, spectra.padded[1] // x_stride
+    spectra = ladder.fitting(rows, columns)
+    py, px = spectra.padded
     waves = fft.rfft(sources, px, axis=2, workers=workers)
     waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
-    frequencies = spectra.order[: px // 2 + 1] // x_stride
     fields = np.empty((spectra.blocks.shape[1], functions, py, px // 2 + 1), waves.dtype)
-    parities = np.outer(COMPONENT_PARITY, basis_parity(functions))
-    _multiply(spectra.blocks, y_stride, frequencies, parities, waves, fields)
+    parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(spectra.blocks.dtype)
+    _multiply(spectra.blocks, parities, waves, fields)
     # Rows beyond the occupied ones are dropped before the transform along x.
     fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
     return fft.irfft(fields, px, axis=3, workers=workers)[..., :columns]
 
 
 @parallel_kernel
-def _multiply(
-    blocks: Real,
-    y_stride: int,
-    frequencies: Indices,
-    parities: Indices,
-    waves: Complex,
-    fields: Complex,
-) -> None:
+def _multiply(blocks: Real, parities: Real, waves: Complex, fields: Complex) -> None:
     """fields[c, p] = sum_q block[c, p, q] waves[q] at every frequency (py, px//2 + 1)."""
     py = waves.shape[1]
     for ky in numba.prange(py // 2 + 1):
-        rows = ky, (py - ky) % py
-        _multiply_rows(blocks[ky * y_stride], frequencies, parities, waves, fields, rows)
+        minus = (py - ky) % py
+        upper, lower = fields[:, :, ky], fields[:, :, minus]
+        _multiply_rows(blocks[ky], parities, (waves[:, ky], waves[:, minus]), upper, lower)
 
 
 @kernel
 def _multiply_rows(
-    block: Real,
-    frequencies: Indices,
-    parities: Indices,
-    waves: Complex,
-    fields: Complex,
-    rows: tuple[int, int],
+    block: Real, parities: Real, waves: tuple[Complex, Complex], upper: Complex, lower: Complex
 ) -> None:
-    """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between."""
-    components, functions, n = block.shape[0], block.shape[1], frequencies.size
-    padded = -(-n // LANES) * LANES
-    plus, minus = rows
-    source = np.zeros((functions, 4, padded), block.dtype)
+    """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between.
+
+    block : (components, F, F, padded n); waves : at ky and at -ky, (F, n) each;
+    upper, lower : (components, F, n), overwritten, at ky and at -ky.
+    """
+    components, functions, n = upper.shape
+    source = np.zeros((functions, 4, -(-n // LANES) * LANES), block.dtype)
     for q in range(functions):
-        parity = parities[0, q]
+        parity, up, down = parities[0, q], waves[0][q], waves[1][q]
+        a, b, c, d = source[q, 0], source[q, 1], source[q, 2], source[q, 3]
         for j in range(n):
-            up, down = waves[q, plus, frequencies[j]], waves[q, minus, frequencies[j]]
-            source[q, 0, j], source[q, 1, j] = up.real, up.imag
-            source[q, 2, j], source[q, 3, j] = parity * down.real, parity * down.imag
-    sums = np.empty((4, padded), block.dtype)
+            a[j], b[j] = up[j].real, up[j].imag
+        for j in range(n):
+            c[j], d[j] = parity * down[j].real, parity * down[j].imag
+    sums = np.empty(source.shape[1:], block.dtype)
+    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
     every = np.arange(functions)
-    for c in range(components):
+    for component in range(components):
         for p in range(functions):
-            sum_products(block[c, p], every, source, sums)
-            parity = parities[c, p]
-            up, down = fields[c, p, plus], fields[c, p, minus]
-            if c == 2:
+            sum_products(block[component, p], every, source, sums)
+            parity, up, down = parities[component, p], upper[component, p], lower[component, p]
+            if component == 2:
                 for j in range(n):
-                    down[frequencies[j]] = complex(parity * sums[2, j], parity * sums[3, j])
-                    up[frequencies[j]] = complex(sums[0, j], sums[1, j])
+                    up[j] = complex(a[j], b[j])
+                for j in range(n):
+                    down[j] = complex(parity * c[j], parity * d[j])
             else:
                 # The transform of the force's odd kernel is imaginary: times i.
                 for j in range(n):
-                    down[frequencies[j]] = complex(-parity * sums[3, j], parity * sums[2, j])
-                    up[frequencies[j]] = complex(-sums[1, j], sums[0, j])
+                    up[j] = complex(-b[j], a[j])
+                for j in range(n):
+                    down[j] = complex(-parity * d[j], parity * c[j])
 
 
 @parallel_kernel

@@ -29,6 +29,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.angular import angular_series
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.harmonics import convolve
+from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.sample_splines import (
     PARTS,
     STENCIL,
@@ -40,10 +41,9 @@ from ellipsoid_coupling.interaction.sample_splines import (
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
+    AngularKernel,
     Indices,
-    Spectra,
     precision_for,
-    transform,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape
 
@@ -104,9 +104,13 @@ class SampleInteraction:
         _require(entries <= _MOST_ENTRIES, shape, tolerance)
         self.harmonics = series.harmonics
         self._precision = precision_for(tolerance, h * h, shape.size, strength)
-        padded = self.nodes.rows + _TAIL, self.nodes.columns + _TAIL
-        # `transform` makes cells' spectra, with h^2 in them; a sample has its whole mass.
-        self._spectra = _undo_splines(transform(series, padded, strength / h**2, self._precision))
+        # Cells' spectra have h^2 in them; a sample has its whole mass.
+        kernel = AngularKernel(series, strength / h**2, self._precision)
+        self._spectra = Ladder(
+            (self.nodes.rows, self.nodes.columns),
+            kernel.cells + _TAIL,
+            lambda lengths: kernel.transform(lengths, _undo_splines),
+        )
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
@@ -166,16 +170,10 @@ def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:
     return Nodes(x_range[0] - h, y_range[0] - h, 1.0 / h, rows, columns)
 
 
-def _undo_splines(spectra: Spectra) -> Spectra:
-    """The spectra over (b_x b_y)^2, for transforms with `_TAIL` nodes more between images."""
-    py, px = spectra.padded
-    b_y = (2.0 + np.cos(2.0 * np.pi * np.arange(py // 2 + 1) / py)) / 3.0
-    b_x = np.ones(spectra.blocks.shape[-1])
-    b_x[: spectra.order.size] = (2.0 + np.cos(2.0 * np.pi * spectra.order / px)) / 3.0
-    precision = spectra.blocks.dtype
-    blocks = spectra.blocks * (b_y[:, None, None, None, None] ** -2.0).astype(precision)
-    blocks *= (b_x**-2.0).astype(precision)
-    return spectra._replace(blocks=blocks, cells=spectra.cells + _TAIL)
+def _undo_splines(length: int) -> Array:
+    """1/b^2 at the frequencies of a transform, (length//2 + 1,)."""
+    waves = 2.0 * np.pi * np.arange(length // 2 + 1) / length
+    return np.asarray((3.0 / (2.0 + np.cos(waves))) ** 2)
 
 
 def _crop(sources: Array) -> tuple[int, int, Array]:

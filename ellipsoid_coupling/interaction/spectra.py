@@ -4,24 +4,23 @@ Frequencies lie at 2 pi (ky/Py, kx/Px). Every coefficient K_pq(delta) is odd in 
 and even for the torque, and even or odd under y -> -y by the parities of b_p and b_q. So its
 transform is a product of cosines or sines over one quadrant of offsets, and ky >= 0 is enough:
 
-    ky  0 .. Py/2                 (ky < 0: the same but for the sign of the blocks odd in y)
-    kx  0 .. Px/2, ordered as multiples of 4, other even ones, odd ones; padded with zeros
-
-Taking every second or fourth frequency gives the transform of the grid half or a quarter as
-large; in this order those are the first ones.
+    ky  0 .. Py/2      (ky < 0: the same but for the sign of the blocks odd in y)
+    kx  0 .. Px/2, padded with zeros
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from ellipsoid_coupling.interaction.angular import AngularSeries
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.interaction.ladder import Lengths
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
 
 Real = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -29,9 +28,6 @@ Precision = type[np.float32] | type[np.float64]
 
 # Rows of blocks are padded to a multiple of this, so that no loop over them ends in single steps.
 LANES = 16
-
-# Coarsest first: the grid of frequencies can be thinned by these factors.
-STRIDES = (4, 2, 1)
 
 # Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
 LEAST_SINGLE_TOLERANCE = 1e-4
@@ -58,27 +54,11 @@ class Spectra(NamedTuple):
         -eps0 h^2 times the transform, without the factor i of the force's components; axis order
         (ky, component, p, q, kx).
     padded : (Py, Px)
-        Lengths of the transforms, multiples of 4.
-    cells : int
-        Reach of the potential in cells.
-    order : (Px//2 + 1,) int64
-        kx of the last axis.
+        Lengths of the transforms, even.
     """
 
     blocks: Real
-    padded: tuple[int, int]
-    cells: int
-    order: Indices
-
-
-def padded_length(cells: int, reach: int) -> int:
-    """A fast transform length, a multiple of 4, in which `cells` do not feel their own images."""
-    return 4 * fft.next_fast_len(-(-(cells + reach) // 4), real=True)
-
-
-def stride(length: int, cells: int, reach: int) -> int:
-    """How far the frequencies of `length` can be thinned out where only `cells` are occupied."""
-    return next(factor for factor in STRIDES if length // factor >= min(cells + reach, length))
+    padded: Lengths
 
 
 def basis_parity(functions: int) -> NDArray[np.int64]:
@@ -87,49 +67,84 @@ def basis_parity(functions: int) -> NDArray[np.int64]:
     return np.where((index > 0) & (index % 2 == 0), -1, 1)
 
 
-def transform(
-    series: AngularSeries, grid_shape: tuple[int, int], strength: float, precision: Precision
-) -> Spectra:
-    """The spectra of `series` for fields of `grid_shape` (ny, nx), in float32 or float64."""
-    quadrant = _quadrant(series, precision)
-    rows, components, functions, _, cells = *quadrant.shape[:4], quadrant.shape[4] - 1
-    padded = padded_length(grid_shape[0], cells), padded_length(grid_shape[1], cells)
-    kx = np.arange(padded[1] // 2 + 1)
-    order = np.concatenate([kx[0::4], kx[2::4], kx[1::2]])
-    x_waves = _waves(cells, order, padded[1], precision)
-    y_waves = _waves(cells, np.arange(padded[0] // 2 + 1), padded[0], precision)
-    shape = padded[0] // 2 + 1, components, functions, functions, -(-kx.size // LANES) * LANES
-    blocks: Real = np.zeros(shape, dtype=precision)
-    parity = basis_parity(functions)
-    scale = precision(-strength * series.h**2)
-    for component in range(components):
-        even = parity[:, None] * parity * COMPONENT_PARITY[component] > 0
-        for in_y, chosen in enumerate((even, ~even)):
-            # A force is odd in all, so odd in x where even in y; a torque has the same parity.
-            in_x = in_y if component == 2 else 1 - in_y
-            part = quadrant[:, component, chosen]
-            half = part.reshape(-1, cells + 1) @ x_waves[in_x]
-            whole = (scale * y_waves[in_y].T) @ half.reshape(rows, -1)
-            if in_x and in_y:
-                np.negative(whole, out=whole)
-            blocks[:, component, chosen, : kx.size] = whole.reshape(len(whole), -1, kx.size)
-    return Spectra(blocks, padded, cells, order)
+class AngularKernel:
+    """The kernel of `series` at the offsets of its grid, to be transformed to any length.
+
+    Parameters
+    ----------
+    series : AngularSeries
+    strength : float
+        eps0.
+    precision : np.float32 or np.float64
+
+    Attributes
+    ----------
+    cells : int
+        Reach of the potential in cells.
+    """
+
+    def __init__(self, series: AngularSeries, strength: float, precision: Precision) -> None:
+        self._quadrant = _quadrant(series, precision)
+        self._scale = -strength * series.h**2
+        self.cells = self._quadrant.shape[4] - 1
+
+    def transform(self, padded: Lengths, factor: Callable[[int], Array] | None = None) -> Spectra:
+        """Its spectra for transforms of these lengths.
+
+        factor : (length) -> (length//2 + 1,), optional
+            Multiplies all frequencies along either direction.
+        """
+        y_waves, x_waves = (_waves(self.cells, length, factor) for length in padded)
+        components, functions = self._quadrant.shape[:2]
+        parity = basis_parity(functions)
+        odd_y = np.multiply.outer(COMPONENT_PARITY[:components], np.outer(parity, parity)) < 0
+        # A force is odd in all, so odd in x where even in y; a torque has the same parity.
+        odd_x = ~odd_y
+        odd_x[2:] = odd_y[2:]
+        along_x = [self._quadrant @ waves.astype(self._quadrant.dtype) for waves in x_waves]
+        half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
+        half[odd_x & odd_y] *= -1.0
+        rows, columns = y_waves[0].shape[1], -(-half.shape[-1] // LANES) * LANES
+        shape = rows, components, functions, functions, columns
+        blocks: Real = np.zeros(shape, self._quadrant.dtype)
+        _add_rows(half, (self._scale * np.array(y_waves)).astype(half.dtype), odd_y, blocks)
+        return Spectra(blocks, padded)
 
 
-def _waves(cells: int, frequency: Indices, length: int, precision: Precision) -> tuple[Real, Real]:
-    """Even and odd sums over -cells .. cells as sums over 0 .. cells: (cells + 1, frequencies)."""
-    # Whole turns are taken off in integers, so that single precision loses nothing.
-    turns = np.arange(cells + 1)[:, None] * frequency % length
+@parallel_kernel
+def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> None:
+    """blocks[ky, c, p, q] = sum_j waves[odd[c, p, q], j, ky] half[c, p, q, j].
+
+    half : (components, F, F, R + 1, kx); waves : (2, R + 1, ky)
+    """
+    components, functions = odd.shape[:2]
+    for task in numba.prange(components * functions):
+        c, p = task // functions, task % functions
+        for ky in range(blocks.shape[0]):
+            for q in range(functions):
+                wave, rows = waves[1 if odd[c, p, q] else 0], half[c, p, q]
+                row = blocks[ky, c, p, q, : rows.shape[1]]
+                for j in range(rows.shape[0]):
+                    weight, part = wave[j, ky], rows[j]
+                    for k in range(part.size):
+                        row[k] += weight * part[k]
+
+
+def _waves(cells: int, length: int, factor: Callable[[int], Array] | None) -> tuple[Array, Array]:
+    """Even and odd sums over -cells .. cells as sums over 0 .. cells: (cells + 1, length//2 + 1)."""
+    # Whole turns are taken off in integers, so that nothing is lost to rounding.
+    turns = np.arange(cells + 1)[:, None] * np.arange(length // 2 + 1) % length
     phase = 2.0 * np.pi * turns / length
     weight = np.full((cells + 1, 1), 2.0)
     weight[0] = 1.0
-    return (weight * np.cos(phase)).astype(precision), (weight * np.sin(phase)).astype(precision)
+    weights = weight if factor is None else weight * factor(length)
+    return weights * np.cos(phase), weights * np.sin(phase)
 
 
 def _quadrant(series: AngularSeries, precision: Precision) -> Real:
-    """K_pq at the offsets (j, i) >= 0 of the grid: (R + 1, components, 2M + 1, 2M + 1, R + 1).
+    """K_pq at the offsets (j, i) >= 0 of the grid: (components, 2M + 1, 2M + 1, R + 1, R + 1).
 
-    Axis order (j along y, component, p, q, i along x); components force x, force y(, torque).
+    Axis order (component, p, q, j along y, i along x); components force x, force y(, torque).
     """
     components, functions = series.coefficients.shape[1:3]
     cells = int(np.sqrt(series.squares[-1]))
@@ -138,8 +153,8 @@ def _quadrant(series: AngularSeries, precision: Precision) -> Real:
     inside = square <= series.squares[-1]
     j, i, square = j[inside], i[inside], square[inside]
     turned = _turn(series.coefficients[np.searchsorted(series.squares, square)], np.arctan2(j, i))
-    out: Real = np.zeros((cells + 1, components, functions, functions, cells + 1), dtype=precision)
-    out[j, :, :, :, i] = turned
+    out: Real = np.zeros((components, functions, functions, cells + 1, cells + 1), precision)
+    out[..., j, i] = turned.transpose(1, 2, 3, 0)
     return out
 
 

@@ -114,7 +114,8 @@ def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux
 @kernel
 def _mass(flux: Flux, up: Floats, down: Floats) -> float:
     """The mass of two streams: what goes up through the faces of one row less what comes down."""
-    return up[DENSITY].sum() - (0.0 if at_faces(flux) else down[DENSITY].sum())
+    upwards: float = up[DENSITY].sum()
+    return upwards if at_faces(flux) else upwards - down[DENSITY].sum()
 
 
 @parallel_kernel

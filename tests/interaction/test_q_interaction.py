@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import angle_spectra as spectra
+from ellipsoid_coupling.interaction import ladder
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.physics.potential import pair_potential, potential_shape
 
@@ -152,19 +153,27 @@ def test_bad_grids_and_densities_are_refused(monkeypatch: pytest.MonkeyPatch) ->
         interaction(6, 2.0)
 
 
-def test_lengths_follow_the_mass_and_hold_it_with_the_reach() -> None:
-    """Short enough to gain, fast, even, never longer than the whole grid's, the same every time."""
+@pytest.mark.parametrize("flat", [1.0, 0.2])
+def test_lengths_follow_the_mass_and_hold_it_with_the_reach(flat: float) -> None:
+    """Short enough to gain, fast, even, never longer than the whole grid's; round and flat clouds.
+
+    A rung is 0.8 of the next; rounding up to a fast length adds at most a fifth here. Where the
+    fuller direction's rung is the next one, it counts for both: one 0.8 more.
+    """
     longest = 180, 120
     for rows in range(1, 181):
-        needed = rows, min(rows, 120)
-        fitting = spectra.fitting_lengths(needed, longest)
+        needed = rows, max(1, round(flat * min(rows, 120)))
+        fitting = ladder.fitting_lengths(needed, longest)
         for length, least, most in zip(fitting, needed, longest, strict=True):
             assert least <= length <= most
             assert length % 2 == 0
-        # A rung is 0.8 of the next; rounding up to a fast length adds at most a tenth here. Both
-        # lengths are of one rung, that of the fuller direction.
-        fullest = max(n / most for n, most in zip(needed, longest, strict=True))
-        assert fitting[0] <= max(fullest * 180 / 0.8 * 1.1, 22)
+            assert length <= max(1.2 * least / 0.8**2, 24)
+
+
+def test_clouds_that_grow_alike_pass_each_rung_once() -> None:
+    """From a point to all of the grid: eleven pairs of lengths, as many as there are rungs."""
+    pairs = {ladder.fitting_lengths((n, n + n // 20), (180, 190)) for n in range(1, 181)}
+    assert len(pairs) == 11
 
 
 def test_a_growing_cloud_changes_its_transforms_and_nothing_else() -> None:

@@ -19,6 +19,7 @@ ORDER = [
     "files",
     "seal",
     "interruption",
+    "instructions",
     "kernels",
     "scenes",
     "physics",

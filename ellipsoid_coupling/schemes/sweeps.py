@@ -174,11 +174,8 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
     for row in range(-1, n + 1):
         at = begin + row * stride
         new, old, middle = (row + 3) % 3, (row + 1) % 3, (row + 2) % 3
-        if row + 4 < n:
-            for k in range(components):
-                ahead = run_of(fields, k, at + 2 * stride, width)
-                for i in range(0, width, 8):
-                    fetch_ahead(ahead, i)
+        if row + 2 < n:
+            _fetch(fields, at + 2 * stride, width)
         invert(fields, at + stride, flux.vacuum, inverses[old])
         inverse = Inverse(inverses[new], inverses[old], inverses[middle])
         here = Span(at, width, stride, span.normal)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import fft
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import angle_spectra as spectra
@@ -157,9 +159,13 @@ def test_bad_grids_and_densities_are_refused(monkeypatch: pytest.MonkeyPatch) ->
 def test_lengths_follow_the_mass_and_hold_it_with_the_reach(flat: float) -> None:
     """Short enough to gain, fast, even, never longer than the whole grid's; round and flat clouds.
 
-    A rung is 0.8 of the next; rounding up to a fast length adds at most a fifth here. Where the
-    fuller direction's rung is the next one, it counts for both: one 0.8 more.
+    A rung is 0.8 of the next, and the next one's is taken where it is the fuller direction's: less
+    than needed/0.8^2, rounded up to a fast length. The ladder ends at 0.8^10 of the longest.
     """
+
+    def fast(length: float) -> int:
+        return 2 * fft.next_fast_len(math.ceil(length / 2), real=True)
+
     longest = 180, 120
     for rows in range(1, 181):
         needed = rows, max(1, round(flat * min(rows, 120)))
@@ -167,7 +173,7 @@ def test_lengths_follow_the_mass_and_hold_it_with_the_reach(flat: float) -> None
         for length, least, most in zip(fitting, needed, longest, strict=True):
             assert least <= length <= most
             assert length % 2 == 0
-            assert length <= max(1.2 * least / 0.8**2, 24)
+            assert length <= max(fast(least / 0.8**2), fast(most * 0.8**9))
 
 
 def test_clouds_that_grow_alike_pass_each_rung_once() -> None:

@@ -1,7 +1,8 @@
 """Transforms as long as the mass needs: spectra for one length of a ladder at a time.
 
 Mass in a part of the grid needs shorter transforms than mass all over it. Each length of the ladder
-is some 0.8 of the next longer one, so that no more than a fifth is wasted along an axis.
+is some 0.8 of the next longer one, so that about a fifth at most is wasted along an axis, a third
+where both directions are put on one rung.
 """
 
 from __future__ import annotations

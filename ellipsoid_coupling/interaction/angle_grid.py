@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.instructions import sum_products
 from ellipsoid_coupling.interaction.angle_spectra import (
     AngleKernels,
     Quantity,
@@ -27,17 +27,16 @@ from ellipsoid_coupling.interaction.angle_spectra import (
 )
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
 from ellipsoid_coupling.interaction.spectra import (
-    LANES,
+    Complex,
     Indices,
     Precision,
     Real,
     precision_for,
-    sum_products,
+    set_parts,
 )
+from ellipsoid_coupling.interaction.transforms import Transforms
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
-
-Complex = NDArray[np.complexfloating]
 
 
 class AngleForces(NamedTuple):
@@ -105,6 +104,7 @@ class AngleGridInteraction:
         sign = -1.0 if quantity == "forces" else 1.0
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
+        self._transforms = Transforms(self._precision)
 
     def forces(self, density: Array, extents: Indices | None = None) -> AngleForces:
         """Force and torque of q `density` (angles, ny, nx), for quantity "forces".
@@ -138,10 +138,30 @@ class AngleGridInteraction:
         columns = slice(int(extents[rows, 0].min()), int(extents[..., 1].max()))
         box = _span(_any(rows, 0)), columns
         taking_part = _mirrored_angles(_any(_any(rows, 1).reshape(-1, self.angles), 0))
-        folded = _fold(density[:, box[0], box[1]], self.angles)
-        sources: Real = folded[taking_part.which].astype(self._precision)
-        out[:, taking_part.which, box[0], box[1]] = _convolve(self._kernels, sources, taking_part)
+        self._convolve(density[:, *box], taking_part, out[:, :, *box])
         return out
+
+    def _convolve(self, density: Array, angles: _Angles, out: Real) -> None:
+        """Of the rectangle `density` (angles, rows, columns) to `out` (components, n, ...)."""
+        _, rows, columns = density.shape
+        folds = density.reshape(-1, self.angles, rows, columns)
+        blocks, padded = self._kernels.spectra(rows, columns)
+
+        def sources(part: slice) -> Real:
+            # The angle cells that are one to the potential are added up.
+            folded: Array = folds[:, angles.which, part].sum(axis=0)
+            return folded.astype(self._precision)
+
+        def take(part: slice, fields: Real) -> None:
+            for k, angle in enumerate(angles.which):
+                out[:, angle, part] = fields[:, k, :, :columns]
+
+        transforms = self._transforms
+        waves = transforms.forward(angles.which.size, rows, padded, sources)
+        product = transforms.product(waves, out.shape[0])
+        signs = np.stack([self._kernels.odd, self._kernels.mirrored])
+        _multiply(blocks, signs, angles, waves, product)
+        transforms.back(product, rows, padded[1], take)
 
 
 def _any(held: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
@@ -171,33 +191,12 @@ def _occupied(density: Array) -> Indices:
     return extents
 
 
-def _fold(density: Array, angles: int) -> Array:
-    """Add up the angle cells that are one to the potential: (angles, ny, nx) to (n, ny, nx)."""
-    return np.asarray(density.reshape(-1, angles, *density.shape[1:]).sum(axis=0))
-
-
 def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
     """The angles with mass and their mirror images; `holding` (n,) tells which."""
     taking_part = holding | np.roll(holding[::-1], 1)
     which = np.flatnonzero(taking_part)
     place = np.cumsum(taking_part) - 1
     return _Angles(which, place[-which % holding.size])
-
-
-def _convolve(kernels: AngleKernels, sources: Real, angles: _Angles) -> Real:
-    """Sources (m, rows, columns) to fields (components, m, rows, columns)."""
-    workers = numba.get_num_threads()
-    count, rows, columns = sources.shape
-    spectra = kernels.spectra(rows, columns)
-    py, px = spectra.padded
-    waves = fft.rfft(sources, px, axis=2, workers=workers)
-    waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
-    fields = np.empty((kernels.odd.size, count, py, px // 2 + 1), waves.dtype)
-    signs = np.stack([kernels.odd, kernels.mirrored])
-    _multiply(spectra.blocks, signs, angles, waves, fields)
-    # Rows beyond the occupied ones are dropped before the transform along x.
-    fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
-    return np.asarray(fft.irfft(fields, px, axis=3, workers=workers)[..., :columns])
 
 
 @parallel_kernel
@@ -227,20 +226,16 @@ def _multiply_rows(
 ) -> None:
     """Both ky and -ky: the block of -ky is that of ky between the mirrored angles."""
     count, n = angles.which.size, waves.shape[2]
-    padded = -(-n // LANES) * LANES
+    lines, lanes = block.shape[2], block.shape[4]
     plus, minus = rows
-    source = np.zeros((count, 4, padded), block.dtype)
+    sources = np.zeros((lines, count, 4, lanes), block.dtype)
     for b in range(count):
-        mirrored = angles.mirror[b]
-        for j in range(n):
-            up, down = waves[b, plus, j], waves[mirrored, minus, j]
-            source[b, 0, j], source[b, 1, j] = up.real, up.imag
-            source[b, 2, j], source[b, 3, j] = down.real, down.imag
-    sums = np.empty((4, padded), block.dtype)
+        set_parts(waves[b, plus], waves[angles.mirror[b], minus], 1.0, sources[:, b])
+    sums = np.empty((4, lines * lanes), block.dtype)
     for c in range(signs.shape[1]):
         odd, sign = signs[0, c] == 1, signs[1, c]
         for a in range(count):
-            sum_products(block[c, angles.which[a]], angles.which, source, sums)
+            sum_products(block[c, angles.which[a]], angles.which, sources, sums)
             up, down = fields[c, a, plus], fields[c, angles.mirror[a], minus]
             if odd:
                 # The transform of an odd kernel is imaginary: times i.

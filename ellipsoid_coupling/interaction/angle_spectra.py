@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.interaction.ladder import Ladder
-from ellipsoid_coupling.interaction.spectra import LANES, Indices, Precision, Real
+from ellipsoid_coupling.interaction.spectra import (
+    Indices,
+    Precision,
+    Real,
+    in_lines,
+    lines_and_lanes,
+)
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
@@ -39,9 +45,9 @@ class AngleSpectra(NamedTuple):
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, n, n, padded Px//2 + 1) float64 or float32
-        Axis order (ky, component, target angle, source angle, kx), without the factor i of the
-        force; scaled with the given factor.
+    blocks : (Py//2 + 1, components, n, lines, n, lanes) float64 or float32
+        Axis order (ky, component, target angle, kx, source angle, kx), see `lines_and_lanes`;
+        without the factor i of the force; scaled with the given factor.
     padded : (Py, Px)
         Lengths of the transforms, even.
     """
@@ -127,8 +133,8 @@ class AngleKernels:
         self._samples *= scale
 
     def _block_shape(self, padded: tuple[int, int], n: int) -> tuple[int, ...]:
-        columns = -(-(padded[1] // 2 + 1) // LANES) * LANES
-        return padded[0] // 2 + 1, len(self._components), n, n, columns
+        lines, lanes = lines_and_lanes(padded[1] // 2 + 1, self._precision)
+        return padded[0] // 2 + 1, len(self._components), n, lines, n, lanes
 
     def spectra(self, rows: int, columns: int) -> AngleSpectra:
         """For so many rows and columns of occupied cells; see `Ladder`."""
@@ -136,7 +142,7 @@ class AngleKernels:
 
     def _make(self, padded: tuple[int, int]) -> AngleSpectra:
         n = self._samples.shape[1]
-        blocks: Real = np.zeros(self._block_shape(padded, n), self._precision)
+        blocks: Real = np.empty(self._block_shape(padded, n), self._precision)
         for c, (samples, odd) in enumerate(zip(self._samples, self.odd, strict=True)):
             _transform(samples, padded, odd, blocks, c)
         return AngleSpectra(blocks, padded)
@@ -178,10 +184,11 @@ def _transform(samples: Array, padded: tuple[int, int], odd: int, blocks: Real, 
 def _add_rows(
     cosine: Array, sine: Array, with_cosine: Array, with_sine: Array, blocks: Real, c: int
 ) -> None:
-    """blocks[ky, c] = sum_j with_cosine[j, ky] cosine[..., j, :] + with_sine[j, ky] sine[..., j, :]."""
+    """block[ky, c] = sum_j with_cosine[j, ky] cosine[..., j, :] + with_sine[j, ky] sine[..., j, :]."""
     for ky in numba.prange(blocks.shape[0]):
         n, width = cosine.shape[0], cosine.shape[3]
-        total = np.empty(width)
+        padded = np.zeros(blocks.shape[3] * blocks.shape[5])
+        total = padded[:width]
         for a in range(n):
             for b in range(n):
                 total[:] = 0.0
@@ -190,9 +197,7 @@ def _add_rows(
                     even, uneven = cosine[a, b, j], sine[a, b, j]
                     for k in range(width):
                         total[k] += first * even[k] + second * uneven[k]
-                row = blocks[ky, c, a, b]
-                for k in range(width):
-                    row[k] = total[k]
+                in_lines(padded, blocks[ky, c, a, :, b])
 
 
 def _waves(offsets: Indices, frequency: Indices, length: int) -> tuple[Array, Array]:

@@ -10,27 +10,28 @@ many transforms back.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numba
 import numpy as np
-from numpy.typing import NDArray
-from scipy import fft
 
+from ellipsoid_coupling.instructions import sum_products
 from ellipsoid_coupling.interaction.angular import AngularSeries, angular_basis
 from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fields, check_grid
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
     COMPONENT_PARITY,
-    LANES,
     AngularKernel,
+    Complex,
+    Precision,
     Real,
     Spectra,
     basis_parity,
     precision_for,
-    sum_products,
+    set_parts,
 )
+from ellipsoid_coupling.interaction.transforms import Transforms
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-
-Complex = NDArray[np.complexfloating]
 
 
 class HarmonicInteraction:
@@ -63,7 +64,9 @@ class HarmonicInteraction:
         sizes = series.h**2, series.shape.size, strength
         self._precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self._precision)
-        self._spectra = Ladder(grid_shape, kernel.cells, kernel.transform)
+        ladder = Ladder(grid_shape, kernel.cells, kernel.transform)
+        self._convolve = Convolution(ladder, self._precision)
+        self._basis: Real = np.empty(0, self._precision)
 
     def __call__(self, density: Array, angle: Array) -> Forces:
         """See `GridInteraction`."""
@@ -72,12 +75,21 @@ class HarmonicInteraction:
         out = np.zeros((components, *self.grid_shape))
         box = occupied_box(density)
         if box is not None:
-            inner = density[box]
-            basis = np.empty((2 * self.series.harmonics + 1, *inner.shape), self._precision)
-            angular_basis(angle[box], basis)
-            fields = convolve(self._spectra, basis * inner.astype(self._precision))
-            _evaluate(fields, basis, inner, out[(slice(None), *box)])
+            self._add_forces(density[box], angle[box], out[(slice(None), *box)])
         return Forces(out[0], out[1], out[2] if components == 3 else None)
+
+    def _add_forces(self, density: Array, angle: Array, out: Array) -> None:
+        functions = 2 * self.series.harmonics + 1
+        if self._basis.shape != (functions, *density.shape):
+            self._basis = np.empty((functions, *density.shape), self._precision)
+        basis = self._basis
+        mass: Real = density.astype(self._precision)
+        angular_basis(angle, basis)
+
+        def add(part: slice, fields: Real) -> None:
+            _evaluate(fields, basis[:, part], density[part], out[:, part])
+
+        self._convolve(basis.shape, lambda part: basis[:, part] * mass[part], add)
 
 
 def occupied_box(density: Array) -> tuple[slice, slice] | None:
@@ -89,20 +101,31 @@ def occupied_box(density: Array) -> tuple[slice, slice] | None:
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def convolve(ladder: Ladder[Spectra], sources: Real) -> Real:
-    """sum_q K_pq * sources_q, (2M + 1, rows, columns) to (components, 2M + 1, rows, columns)."""
-    workers = numba.get_num_threads()
-    functions, rows, columns = sources.shape
-    spectra = ladder.fitting(rows, columns)
-    py, px = spectra.padded
-    waves = fft.rfft(sources, px, axis=2, workers=workers)
-    waves = fft.fft(waves, py, axis=1, workers=workers, overwrite_x=True)
-    fields = np.empty((spectra.blocks.shape[1], functions, py, px // 2 + 1), waves.dtype)
-    parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(spectra.blocks.dtype)
-    _multiply(spectra.blocks, parities, waves, fields)
-    # Rows beyond the occupied ones are dropped before the transform along x.
-    fields = fft.ifft(fields, axis=2, workers=workers, overwrite_x=True)[:, :, :rows]
-    return fft.irfft(fields, px, axis=3, workers=workers)[..., :columns]
+class Convolution:
+    """sum_q K_pq * sources_q for all p and components, with spectra as long as is needed."""
+
+    def __init__(self, ladder: Ladder[Spectra], precision: Precision) -> None:
+        self._ladder, self._transforms = ladder, Transforms(precision)
+
+    def __call__(
+        self,
+        shape: tuple[int, ...],
+        sources: Callable[[slice], Real],
+        take: Callable[[slice, Real], None],
+    ) -> None:
+        """Convolve sources of `shape` (2M + 1, rows, columns), a few rows at a time.
+
+        sources : (some of the rows) -> (2M + 1, so many rows, columns)
+        take : (some of the rows, (components, 2M + 1, so many rows, >= columns)) -> None
+            Gets the result.
+        """
+        functions, rows, columns = shape
+        blocks, padded = self._ladder.fitting(rows, columns)
+        waves = self._transforms.forward(functions, rows, padded, sources)
+        fields = self._transforms.product(waves, blocks.shape[1])
+        parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(blocks.dtype)
+        _multiply(blocks, parities, waves, fields)
+        self._transforms.back(fields, rows, padded[1], take)
 
 
 @parallel_kernel
@@ -121,24 +144,20 @@ def _multiply_rows(
 ) -> None:
     """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between.
 
-    block : (components, F, F, padded n); waves : at ky and at -ky, (F, n) each;
+    block : (components, F, lines, F, lanes); waves : at ky and at -ky, (F, n) each;
     upper, lower : (components, F, n), overwritten, at ky and at -ky.
     """
     components, functions, n = upper.shape
-    source = np.zeros((functions, 4, -(-n // LANES) * LANES), block.dtype)
+    lines, lanes = block.shape[2], block.shape[4]
+    sources = np.zeros((lines, functions, 4, lanes), block.dtype)
     for q in range(functions):
-        parity, up, down = parities[0, q], waves[0][q], waves[1][q]
-        a, b, c, d = source[q, 0], source[q, 1], source[q, 2], source[q, 3]
-        for j in range(n):
-            a[j], b[j] = up[j].real, up[j].imag
-        for j in range(n):
-            c[j], d[j] = parity * down[j].real, parity * down[j].imag
-    sums = np.empty(source.shape[1:], block.dtype)
+        set_parts(waves[0][q], waves[1][q], parities[0, q], sources[:, q])
+    sums = np.empty((4, lines * lanes), block.dtype)
     a, b, c, d = sums[0], sums[1], sums[2], sums[3]
     every = np.arange(functions)
     for component in range(components):
         for p in range(functions):
-            sum_products(block[component, p], every, source, sums)
+            sum_products(block[component, p], every, sources, sums)
             parity, up, down = parities[component, p], upper[component, p], lower[component, p]
             if component == 2:
                 for j in range(n):
@@ -153,10 +172,10 @@ def _multiply_rows(
                     down[j] = complex(-parity * d[j], parity * c[j])
 
 
-@parallel_kernel
+@kernel
 def _evaluate(fields: Real, basis: Real, density: Array, out: Array) -> None:
     """out[c] = sum_p fields[c, p] basis[p] in occupied cells, 0 elsewhere."""
-    for i in numba.prange(basis.shape[1]):
+    for i in range(basis.shape[1]):
         for c in range(fields.shape[0]):
             for p in range(basis.shape[0]):
                 for j in range(basis.shape[2]):

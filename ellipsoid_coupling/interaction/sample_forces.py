@@ -28,7 +28,7 @@ import numpy as np
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.angular import angular_series
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.harmonics import convolve
+from ellipsoid_coupling.interaction.harmonics import Convolution
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.sample_splines import (
     PARTS,
@@ -43,6 +43,7 @@ from ellipsoid_coupling.interaction.sample_splines import (
 from ellipsoid_coupling.interaction.spectra import (
     AngularKernel,
     Indices,
+    Real,
     precision_for,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape
@@ -103,14 +104,16 @@ class SampleInteraction:
         entries = 3 * (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
         _require(entries <= _MOST_ENTRIES, shape, tolerance)
         self.harmonics = series.harmonics
+        self._components = series.coefficients.shape[1]
         self._precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
         kernel = AngularKernel(series, strength / h**2, self._precision)
-        self._spectra = Ladder(
+        ladder = Ladder(
             (self.nodes.rows, self.nodes.columns),
             kernel.cells + _TAIL,
             lambda lengths: kernel.transform(lengths, _undo_splines),
         )
+        self._convolve = Convolution(ladder, self._precision)
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
@@ -129,8 +132,13 @@ class SampleInteraction:
         functions = 2 * self.harmonics + 1
         sources = self._deposit(place, order, rows, functions)
         row, column, sources = _crop(sources)
-        fields = convolve(self._spectra, sources.astype(self._precision))
-        by_node = np.ascontiguousarray(fields.transpose(2, 3, 0, 1))
+        shape = *sources.shape[1:], self._components, functions
+        by_node: Real = np.empty(shape, self._precision)
+
+        def take(part: slice, fields: Real) -> None:
+            by_node[part] = fields[..., : sources.shape[2]].transpose(2, 3, 0, 1)
+
+        self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
         corner = Nodes(
             self.nodes.x_low + column / self.nodes.inverse_h,
             self.nodes.y_low + row / self.nodes.inverse_h,

@@ -17,17 +17,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.instructions import LINE
 from ellipsoid_coupling.interaction.angular import AngularSeries
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 
 Real = NDArray[np.floating]
+Complex = NDArray[np.complexfloating]
 Indices = NDArray[np.int64]
 Precision = type[np.float32] | type[np.float64]
-
-# Rows of blocks are padded to a multiple of this, so that no loop over them ends in single steps.
-LANES = 16
 
 # Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
 LEAST_SINGLE_TOLERANCE = 1e-4
@@ -45,14 +44,23 @@ def precision_for(tolerance: float, *sizes: float) -> Precision:
 COMPONENT_PARITY = (1, -1, -1)
 
 
+def lines_and_lanes(columns: int, precision: Precision) -> tuple[int, int]:
+    """How many cache lines hold so many numbers, and how many numbers one of them.
+
+    Blocks are kept in the order in which `sum_products` reads them: all its terms for one line.
+    """
+    lanes = LINE // np.dtype(precision).itemsize
+    return -(-columns // lanes), lanes
+
+
 class Spectra(NamedTuple):
     """The transformed kernel.
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, 2M + 1, 2M + 1, padded Px//2 + 1) float32 or float64
+    blocks : (Py//2 + 1, components, 2M + 1, lines, 2M + 1, lanes) float32 or float64
         -eps0 h^2 times the transform, without the factor i of the force's components; axis order
-        (ky, component, p, q, kx).
+        (ky, component, p, kx, q, kx), see `lines_and_lanes`.
     padded : (Py, Px)
         Lengths of the transforms, even.
     """
@@ -84,6 +92,7 @@ class AngularKernel:
     """
 
     def __init__(self, series: AngularSeries, strength: float, precision: Precision) -> None:
+        self._precision: Precision = precision
         self._quadrant = _quadrant(series, precision)
         self._scale = -strength * series.h**2
         self.cells = self._quadrant.shape[4] - 1
@@ -104,30 +113,59 @@ class AngularKernel:
         along_x = [self._quadrant @ waves.astype(self._quadrant.dtype) for waves in x_waves]
         half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
         half[odd_x & odd_y] *= -1.0
-        rows, columns = y_waves[0].shape[1], -(-half.shape[-1] // LANES) * LANES
-        shape = rows, components, functions, functions, columns
-        blocks: Real = np.zeros(shape, self._quadrant.dtype)
+        lines, lanes = lines_and_lanes(half.shape[-1], self._precision)
+        shape = y_waves[0].shape[1], components, functions, lines, functions, lanes
+        blocks: Real = np.empty(shape, self._precision)
         _add_rows(half, (self._scale * np.array(y_waves)).astype(half.dtype), odd_y, blocks)
         return Spectra(blocks, padded)
 
 
 @parallel_kernel
 def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> None:
-    """blocks[ky, c, p, q] = sum_j waves[odd[c, p, q], j, ky] half[c, p, q, j].
+    """block[ky, c, p, q] = sum_j waves[odd[c, p, q], j, ky] half[c, p, q, j].
 
     half : (components, F, F, R + 1, kx); waves : (2, R + 1, ky)
     """
     components, functions = odd.shape[:2]
+    padded = blocks.shape[3] * blocks.shape[5]
     for task in numba.prange(components * functions):
         c, p = task // functions, task % functions
+        total = np.zeros(padded, blocks.dtype)
         for ky in range(blocks.shape[0]):
             for q in range(functions):
                 wave, rows = waves[1 if odd[c, p, q] else 0], half[c, p, q]
-                row = blocks[ky, c, p, q, : rows.shape[1]]
+                row = total[: rows.shape[1]]
+                row[:] = 0.0
                 for j in range(rows.shape[0]):
                     weight, part = wave[j, ky], rows[j]
                     for k in range(part.size):
                         row[k] += weight * part[k]
+                in_lines(total, blocks[ky, c, p, :, q])
+
+
+@kernel
+def in_lines(row: Array, lines: Real) -> None:
+    """Deal out a row (lines * lanes,) to (lines, lanes)."""
+    lanes = lines.shape[1]
+    for line in range(lines.shape[0]):
+        here, there = row[line * lanes : (line + 1) * lanes], lines[line]
+        for k in range(lanes):
+            there[k] = here[k]
+
+
+@kernel
+def set_parts(up: Complex, down: Complex, sign: float, sources: Real) -> None:
+    """Write the four parts of `sum_products`: real and imaginary of ky, and of -ky times `sign`.
+
+    up, down : (kx,); sources : (lines, 4, lanes)
+    """
+    lanes = sources.shape[2]
+    for line in range(sources.shape[0]):
+        first, end = line * lanes, min((line + 1) * lanes, up.size)
+        plus, minus, parts = up[first:end], down[first:end], sources[line]
+        for j in range(plus.size):
+            parts[0, j], parts[1, j] = plus[j].real, plus[j].imag
+            parts[2, j], parts[3, j] = sign * minus[j].real, sign * minus[j].imag
 
 
 def _waves(cells: int, length: int, factor: Callable[[int], Array] | None) -> tuple[Array, Array]:
@@ -172,30 +210,3 @@ def _turn(blocks: Array, alpha: Array) -> Array:
     blocks[:, 0] = c * radial - s * tangential
     blocks[:, 1] = s * radial + c * tangential
     return blocks
-
-
-@kernel
-def sum_products(factors: Real, which: Indices, sources: Real, sums: Real) -> None:
-    """sums[part] = sum_b factors[which[b]] sources[b, part], at all frequencies of a row.
-
-    Parameters
-    ----------
-    factors : (functions, padded kx) float64 or float32
-    which : (m,) int64
-    sources : (m, 4, kx)
-        Four parts: real and imaginary, of ky and of -ky.
-    sums : (4, kx)
-        Overwritten.
-    """
-    sums[:] = 0.0
-    n = sums.shape[1]
-    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
-    for k in range(which.size):
-        # One loop reads every factor once for all four parts.
-        factor = factors[which[k], :n]
-        e, f, g, h = sources[k, 0], sources[k, 1], sources[k, 2], sources[k, 3]
-        for j in range(n):
-            a[j] += factor[j] * e[j]
-            b[j] += factor[j] * f[j]
-            c[j] += factor[j] * g[j]
-            d[j] += factor[j] * h[j]

@@ -1,0 +1,90 @@
+"""Real Fourier transforms along y and x whose large arrays are kept from one call to the next.
+
+Every transform of scipy returns a new array, and new memory costs more than the transform itself:
+the system hands it out zeroed, page by page. So the direction along y is transformed in place in
+kept arrays, and that along x a few rows at a time, whose arrays are small enough to stay in cache
+and to be had again at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from ellipsoid_coupling.interaction.ladder import Lengths
+from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
+from ellipsoid_coupling.kernels import for_each
+
+# Numbers transformed along x at once: 1 or 2 MB.
+_NUMBERS_AT_ONCE = 250_000
+
+
+class Transforms:
+    """Forward and back for one convolution; its arrays are overwritten by the next one.
+
+    The same bits come out for any number of threads.
+
+    Parameters
+    ----------
+    precision : np.float32 or np.float64
+    """
+
+    def __init__(self, precision: Precision) -> None:
+        self._type = np.result_type(precision, np.complex64)
+        self._memory: dict[str, NDArray[np.uint8]] = {}
+
+    def forward(
+        self, count: int, rows: int, padded: Lengths, make: Callable[[slice], Real]
+    ) -> Complex:
+        """The spectra of `count` fields, padded with zeros to (Py, Px): (count, Py, Px//2 + 1).
+
+        make : (some of the rows) -> (count, so many rows, columns)
+        """
+        py, px = padded
+        waves = self._kept("waves", (count, py, px // 2 + 1))
+
+        def some(part: slice) -> None:
+            waves[:, part] = fft.rfft(make(part), px, axis=2)
+
+        _in_parts(rows, count * px, some)
+        waves[:, rows:] = 0.0
+        return self._along_y(fft.fft, waves)
+
+    def product(self, waves: Complex, components: int) -> Complex:
+        """Where to write so many components of each of `waves`: (components, *waves.shape)."""
+        return self._kept("product", (components, *waves.shape))
+
+    def back(
+        self, product: Complex, rows: int, px: int, take: Callable[[slice, Real], None]
+    ) -> None:
+        """Transform the first rows of `product`, which is overwritten, and hand them over.
+
+        take : (some of the rows, (components, count, so many rows, Px)) -> None
+        """
+        fields = self._along_y(fft.ifft, product)
+
+        def some(part: slice) -> None:
+            take(part, fft.irfft(fields[:, :, part], px, axis=3))
+
+        _in_parts(rows, product.shape[0] * product.shape[1] * px, some)
+
+    def _along_y(self, transform: Callable[..., Complex], array: Complex) -> Complex:
+        workers = numba.get_num_threads()
+        return transform(array, axis=array.ndim - 2, workers=workers, overwrite_x=True)
+
+    def _kept(self, name: str, shape: tuple[int, ...]) -> Complex:
+        size = int(np.prod(shape)) * self._type.itemsize
+        if name not in self._memory or self._memory[name].size < size:
+            self._memory[name] = np.empty(size, np.uint8)
+        return self._memory[name][:size].view(self._type).reshape(shape)
+
+
+def _in_parts(rows: int, numbers_a_row: int, task: Callable[[slice], None]) -> None:
+    """`task` for a few rows at a time, on all threads."""
+    step = max(1, _NUMBERS_AT_ONCE // numbers_a_row)
+    parts = [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
+    for_each(len(parts), lambda k: task(parts[k]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
-from ellipsoid_coupling.physics.potential import exp_of_negative
+from ellipsoid_coupling.physics.elementary import exp_of_negative
 
 Floats = NDArray[np.float64]
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
 # Angles sampled per harmonic kept: three per wave of the highest harmonic kept, in each angle.
@@ -206,17 +207,22 @@ def _sample_row(
             out[2, j] = turning
 
 
-@parallel_kernel
+@kernel
 def angular_basis(angle: Array, out: NDArray[np.floating]) -> None:
     """b_p(angle) of every cell: `angle` (ny, nx) to `out` (2M + 1, ny, nx), single or double.
 
     The multiples follow by turning on, cos 2(k+1)a = cos 2ka cos 2a - sin 2ka sin 2a, in double.
     """
-    for i in numba.prange(angle.shape[0]):
-        c2, s2 = np.cos(2.0 * angle[i]), np.sin(2.0 * angle[i])
+    for i in range(angle.shape[0]):
+        row = angle[i]
+        c2, s2 = np.empty(row.size), np.empty(row.size)
+        for j in range(row.size):
+            c2[j], s2[j] = cos_sin(2.0 * row[j])
         cosine, sine = c2.copy(), s2.copy()
         out[0, i] = 1.0
         for k in range(1, out.shape[0] // 2 + 1):
-            out[2 * k - 1, i] = cosine
-            out[2 * k, i] = sine
-            cosine, sine = cosine * c2 - sine * s2, sine * c2 + cosine * s2
+            even, uneven = out[2 * k - 1, i], out[2 * k, i]
+            for j in range(c2.size):
+                even[j], uneven[j] = cosine[j], sine[j]
+                c, s = cosine[j], sine[j]
+                cosine[j], sine[j] = c * c2[j] - s * s2[j], s * c2[j] + c * s2[j]

@@ -9,7 +9,6 @@ not compiled: numba prunes what stands behind ``if term is not None``.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.flow.field import FlowArrays, sample_flow
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import harmonic_force, sine_torque
 from ellipsoid_coupling.physics.jeffery import jeffery
 
@@ -54,10 +54,12 @@ class Drift(NamedTuple):
 @kernel
 def set_axes(place: Floats, axis: Floats) -> None:
     """Cos and sin of 2 theta (2, N); where nothing turns only circles interact: any axis does."""
-    for i in range(place.shape[1]):
-        double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0
-        axis[0, i] = math.cos(double)
-        axis[1, i] = math.sin(double)
+    if place.shape[0] == 3:
+        cosine, sine, angle = axis[0], axis[1], place[2]
+        for i in range(angle.size):
+            cosine[i], sine[i] = cos_sin(2.0 * angle[i])
+    else:
+        axis[0], axis[1] = 1.0, 0.0
 
 
 @kernel

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.cells import Sources, cell_index, gather
 from ellipsoid_coupling.interaction.pairs import Pairs, scratch, sum_over_sources
 from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +45,8 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
             gathered = cell
         if count > 0:
             double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0
-            target = (place[0, i], place[1, i], math.cos(double), math.sin(double))
+            c2, s2 = cos_sin(double)
+            target = (place[0, i], place[1, i], c2, s2)
             gx, gy, slope = sum_over_sources(target, buffer, count, given, pairs.shape)
             force[0, i] -= force_weight * gx
             force[1, i] -= force_weight * gy

@@ -83,13 +83,16 @@ class HarmonicInteraction:
         if self._basis.shape != (functions, *density.shape):
             self._basis = np.empty((functions, *density.shape), self._precision)
         basis = self._basis
-        mass: Real = density.astype(self._precision)
-        angular_basis(angle, basis)
+
+        def sources(part: slice) -> Real:
+            angular_basis(angle[part], basis[:, part])
+            mass: Real = density[part].astype(self._precision)
+            return basis[:, part] * mass
 
         def add(part: slice, fields: Real) -> None:
             _evaluate(fields, basis[:, part], density[part], out[:, part])
 
-        self._convolve(basis.shape, lambda part: basis[:, part] * mass[part], add)
+        self._convolve(basis.shape, sources, add)
 
 
 def occupied_box(density: Array) -> tuple[slice, slice] | None:

@@ -15,6 +15,7 @@ import numpy as np
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.spectra import Indices, Real
 from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 
 NodeNumbers = tuple[float, float, float, int, int]
 
@@ -94,7 +95,7 @@ def sort_by_row(place: Array, nodes: Nodes) -> tuple[Indices, Indices]:
 def _set_basis(place: Array, k: int, j: int, basis: Array) -> None:
     """Write b_p of one sample's angle, (2M + 1,); without an angle, any does."""
     double = 2.0 * place[k, 2, j] if place.shape[1] == 3 else 0.0
-    c2, s2 = math.cos(double), math.sin(double)
+    c2, s2 = cos_sin(double)
     cosine, sine = c2, s2
     basis[0] = 1.0
     for m in range(1, basis.size // 2 + 1):

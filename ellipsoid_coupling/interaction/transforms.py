@@ -19,8 +19,8 @@ from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
 from ellipsoid_coupling.kernels import for_each
 
-# Numbers transformed along x at once: 1 or 2 MB.
-_NUMBERS_AT_ONCE = 250_000
+# Numbers transformed along x at once: half a megabyte at most.
+_NUMBERS_AT_ONCE = 60_000
 
 
 class Transforms:

@@ -5,9 +5,8 @@ A new one is added here, as a kernel beside these, and named in the scene's `[ou
 
 from __future__ import annotations
 
-import math
-
 from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 
 
 @inline_kernel
@@ -19,4 +18,5 @@ def harmonic_force(x: float, y: float, stiffness: float) -> tuple[float, float]:
 @inline_kernel
 def sine_torque(angle: float, amplitude: float) -> float:
     """-dV2/dtheta of V2(theta) = amplitude sin(theta)."""
-    return -amplitude * math.cos(angle)
+    cosine, _ = cos_sin(angle)
+    return -amplitude * cosine

@@ -20,16 +20,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ellipsoid_coupling.instructions import fused
 from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.physics.elementary import exp_of_negative
 
 # exp(-s/(1-s)) is below 1e-300 beyond this s, so clamping changes nothing and spares a branch.
 LARGEST_S = 0.9985
-LOG2_E = 1.4426950408889634
-LN2_HIGH = 6.93147180369123816490e-01
-LN2_LOW = 1.90821492927058770002e-10
 
 
 class PotentialShape(NamedTuple):
@@ -60,34 +56,6 @@ def potential_shape(length: float, width: float) -> PotentialShape:
     shape_factor = (long_axis**2 - short_axis**2) / size
     bluntness = 2.0 * short_axis**2 / size
     return PotentialShape(shape_factor, size, math.sqrt(2.0) * long_axis, bluntness)
-
-
-# Added to a whole number below 2^51, it leaves that number in the low bits: AVX2 has no other way
-# from float64 to int64 that vectorises.
-TO_LOW_BITS = 6755399441055744.0
-
-
-@inline_kernel
-def exp_of_negative(x: float) -> float:
-    """exp(x) for -700 < x <= 0, to 3e-14; a polynomial, since a library call stops vectorisation.
-
-    exp(x) = 2^n exp(r) with n = round(x / ln 2) and |r| <= ln(2)/2, the Taylor series up to r^12
-    (remainder 2e-16) in parts that the processor adds up side by side, and 2^n written into the
-    exponent bits.
-    """
-    n: float = np.floor(fused(x, LOG2_E, 0.5))
-    r = fused(n, -LN2_LOW, fused(n, -LN2_HIGH, x))
-    r2 = r * r
-    low = fused(r2, fused(r, 1.0 / 6.0, 0.5), 1.0 + r)
-    middle = fused(r2, fused(r, 1.0 / 5040.0, 1.0 / 720.0), fused(r, 1.0 / 120.0, 1.0 / 24.0))
-    high = fused(
-        r2, fused(r, 1.0 / 39916800.0, 1.0 / 3628800.0), fused(r, 1.0 / 362880.0, 1.0 / 40320.0)
-    )
-    r4 = r2 * r2
-    high = fused(r4, 1.0 / 479001600.0, high)
-    bits = np.float64(n + TO_LOW_BITS).view(np.int64)
-    power: float = np.int64((bits + 1023) << 52).view(np.float64)
-    return power * fused(r4, fused(r4, high, middle), low)
 
 
 @inline_kernel

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
@@ -60,41 +61,13 @@ def angular_rate(
     """gamma_bar g - dV2/dtheta and its derivative with respect to the angle."""
     rate, slope = 0.0, 0.0
     if turning is not None:
-        s2, c2 = math.sin(2.0 * angle), math.cos(2.0 * angle)
+        c2, s2 = cos_sin(2.0 * angle)
         rate += turning[0, j, i] + turning[1, j, i] * s2 + turning[2, j, i] * c2
         slope += 2.0 * (turning[1, j, i] * c2 - turning[2, j, i] * s2)
     if amplitude is not None:
         rate += sine_torque(angle, amplitude)
-        slope += amplitude * math.sin(angle)
+        slope += amplitude * cos_sin(angle)[1]
     return rate, slope
-
-
-@kernel
-def _steady(steady: Floats | None, d: int, j: int, i: int) -> float:
-    if steady is None:
-        return 0.0
-    return float(steady[d, j, i])
-
-
-@kernel
-def _interaction(forces: Forces | None, j: int, i: int) -> tuple[float, float]:
-    if forces is None:
-        return 0.0, 0.0
-    return forces.x[j, i], forces.y[j, i]
-
-
-@kernel
-def _torque_at(torque: Floats | None, j: int, i: int) -> float:
-    if torque is None:
-        return 0.0
-    return float(torque[j, i])
-
-
-@kernel
-def _interaction_torque(forces: Forces | None, j: int, i: int) -> float:
-    if forces is None:
-        return 0.0
-    return _torque_at(forces.torque, j, i)
 
 
 @kernel
@@ -116,21 +89,52 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
     drift : (3 or 2, ny, nx)
         Overwritten.
     """
-    turns = fields.shape[0] == 5
     for j in numba.prange(drift.shape[1]):
-        for i in range(drift.shape[2]):
-            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
-            if rho <= 0.0:
-                drift[:, j, i] = 0.0
-                continue
-            fx, fy = _interaction(forces, j, i)
-            drift[0, j, i] = _steady(terms.steady, 0, j, i) + fx * terms.inverse_mass
-            drift[1, j, i] = _steady(terms.steady, 1, j, i) + fy * terms.inverse_mass
-            if turns:
-                angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
-                rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
-                torque = _interaction_torque(forces, j, i)
-                drift[2, j, i] = rate + torque * terms.inverse_inertia
+        density = _row(fields, RHO, j)
+        for d in range(2):
+            drift[d, j] = 0.0
+            _add_steady(terms.steady, d, j, drift[d, j])
+        if forces is not None:
+            _add_weighted(forces.x, terms.inverse_mass, j, drift[0, j])
+            _add_weighted(forces.y, terms.inverse_mass, j, drift[1, j])
+        if fields.shape[0] == 5:
+            _set_turning(terms, density, _row(fields, ANGLE, j), j, drift[2, j])
+            if forces is not None:
+                _add_weighted(forces.torque, terms.inverse_inertia, j, drift[2, j])
+        for d in range(drift.shape[0]):
+            _clear_vacuum(density, drift[d, j])
+
+
+@kernel
+def _add_steady(steady: Floats | None, d: int, j: int, out: Floats) -> None:
+    if steady is not None:
+        values = steady[d, j]
+        for i in range(out.size):
+            out[i] += values[i]
+
+
+@kernel
+def _add_weighted(values: Floats | None, weight: float, j: int, out: Floats) -> None:
+    if values is not None:
+        row = values[j]
+        for i in range(out.size):
+            out[i] += weight * row[i]
+
+
+@kernel
+def _set_turning(terms: CellTerms, density: Floats, carried: Floats, j: int, out: Floats) -> None:
+    """`angular_rate` of a row; `carried` is rho phi."""
+    turning, amplitude = terms.turning, terms.amplitude
+    for i in range(out.size):
+        # Vacuum has no angle; what is written there is cleared.
+        angle = carried[i] / density[i]
+        out[i] = angular_rate(turning, amplitude, j, i, angle)[0]
+
+
+@kernel
+def _clear_vacuum(density: Floats, out: Floats) -> None:
+    for i in range(out.size):
+        out[i] = 0.0 if density[i] <= 0.0 else out[i]
 
 
 @parallel_kernel

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.physics.potential import (
     PotentialShape,
-    exp_of_negative,
     pair_potential,
     potential_shape,
 )
@@ -25,11 +24,6 @@ def evaluate(
 ) -> tuple[float, float, float, float]:
     c2, s2 = math.cos(2.0 * theta), math.sin(2.0 * theta)
     return pair_potential(dx, dy, c2, s2, math.cos(2.0 * bar), math.sin(2.0 * bar), shape)
-
-
-@kernel
-def exponential(x: float) -> float:
-    return exp_of_negative(x)
 
 
 def defined(arguments: Complexes, length: float, width: float) -> complex:
@@ -122,14 +116,6 @@ def test_aligned_particles_repel_at_long_and_cluster_at_short_waves() -> None:
     assert transform.min() / transform[0, 0] == pytest.approx(-0.0636, rel=0.01)
     assert along == 0
     assert 2.0 * np.pi / abs(wave[across]) == pytest.approx(0.057, abs=0.004)
-
-
-def test_exponential_to_rounding() -> None:
-    """3e-14 relative over the whole range, 1e-15 where the potential is not tiny."""
-    x = -np.concatenate([np.linspace(0, 5, 500), np.linspace(5, 690, 2000)])
-    values = np.array([exponential(v) for v in x])
-    assert np.max(np.abs(values / np.exp(x) - 1)) < 3e-14
-    assert np.max(np.abs(values[:500] / np.exp(x[:500]) - 1)) < 1e-15
 
 
 @pytest.mark.parametrize("width", [0.05, 1e-3, 1e-6, 1e-10])

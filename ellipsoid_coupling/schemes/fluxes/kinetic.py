@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import inline_kernel
-from ellipsoid_coupling.physics.potential import exp_of_negative
+from ellipsoid_coupling.physics.elementary import exp_of_negative
 from ellipsoid_coupling.schemes.fluxes.ballistic import limited
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,

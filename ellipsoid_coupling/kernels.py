@@ -31,6 +31,10 @@ KERNEL_OPTIONS: dict[str, Any] = {
 }
 
 
+# No run time of numba's own, which allocates arrays and counts who refers to them.
+WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}
+
+
 def cache_home() -> Path:
     """The folder for everything that can be made again: compiled kernels and solved flows.
 
@@ -65,6 +69,16 @@ _config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
 def kernel(function: Function) -> Function:
     """Compile `function` for one thread; the original stays reachable as ``.py_func``."""
     return cast(Function, numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS)(function))
+
+
+def view_kernel(function: Function) -> Function:
+    """Compile `function` for one thread, without any allocation in it: for work on views of rows.
+
+    Numba counts who refers to an array, atomically and for every view; ten views of a row of 150
+    cells cost as much as its update. Where nothing can be allocated, nothing is counted.
+    """
+    compiled = numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS, **WITHOUT_COUNTING)(function)
+    return cast(Function, compiled)
 
 
 def inline_kernel(function: Function) -> Function:

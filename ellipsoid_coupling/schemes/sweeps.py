@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.instructions import fetch_ahead
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
@@ -78,7 +78,7 @@ class _Exchange(NamedTuple):
     at: tuple[int, int, int, int]
 
 
-@kernel
+@view_kernel
 def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux) -> None:
     """U -= leaving, U += entering, for a run of cells; what is as thin as the vacuum is emptied.
 
@@ -111,7 +111,7 @@ def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux
                 content[i] = 0.0 if density[i] == 0.0 else new
 
 
-@kernel
+@view_kernel
 def _mass(flux: Flux, up: Floats, down: Floats) -> float:
     """The mass of two streams: what goes up through the faces of one row less what comes down."""
     upwards: float = up[DENSITY].sum()
@@ -135,51 +135,83 @@ def _sweep_rows(
         up = np.empty((components, longest))
         down = np.empty((components, longest))
         work = np.empty((_WORK_ROWS, longest))
-        room = np.empty(longest + 2)
+        inverses = np.empty(longest + 2)
         moved = _Exchange(up, down, up, down, (1, 1, 0, 2))
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
-            first, n = starts[row], counts[row]
-            invert(fields, first - 2, flux.vacuum, room[: n + 4])
-            inverse = Inverse(room[1:], room[2:], room)
-            here = Span(first - 1, n + 2, 1, normal)
-            outflow(flux, fields, here, inverse, ratio, up, down, work)
-            gone[row] = _mass(flux, up[:, n : n + 1], down[:, n + 1 : n + 2])
-            gone[row] -= _mass(flux, up[:, :1], down[:, 1:2])
-            _update(fields, first, n, moved, flux)
+            here = Span(starts[row] - 1, counts[row] + 2, 1, normal)
+            gone[row] = _sweep_row(flux, fields, here, ratio, moved, inverses, work)
 
 
-@kernel
-def _fetch(fields: Floats, first: int, width: int) -> None:
-    """Ask for a row before it is needed: the processor does not guess strides as long as a plane."""
-    for k in range(fields.shape[0]):
+@view_kernel
+def _sweep_row(
+    flux: Flux,
+    fields: Floats,
+    here: Span,
+    ratio: float,
+    moved: _Exchange,
+    inverses: Floats,
+    work: Floats,
+) -> float:
+    """Sweep a row of cells along itself; `here` has one more cell at either end.
+
+    Returns the mass that has left through both ends, less what came in.
+    """
+    n = here.width - 2
+    invert(fields, here.start - 1, flux.vacuum, inverses[: n + 4])
+    inverse = Inverse(inverses[1:], inverses[2:], inverses)
+    outflow(flux, fields, here, inverse, ratio, moved.up, moved.down, work)
+    gone = _mass(flux, moved.up[:, n : n + 1], moved.down[:, n + 1 : n + 2])
+    gone -= _mass(flux, moved.up[:, :1], moved.down[:, 1:2])
+    _update(fields, here.start + 1, n, moved, flux)
+    return gone
+
+
+@view_kernel
+def _fetch(fields: Floats, components: tuple[int, int], first: int, width: int) -> None:
+    """Ask for a row before it is needed: the processor does not guess strides as long as a plane.
+
+    A few components at a time: what is on its way has few places, and waits for the rest of them.
+    """
+    for k in range(components[0], components[1]):
         row = run_of(fields, k, first, width)
         for i in range(0, width, _CACHE_LINE):
             fetch_ahead(row, i)
 
 
-@kernel
-def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float) -> float:
+class _Room(NamedTuple):
+    """What a march of a bundle writes to on its way: the last three rows' outflow and inverses."""
+
+    up: Floats
+    down: Floats
+    inverses: Floats
+    work: Floats
+
+
+@view_kernel
+def _march(
+    flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float, room: _Room
+) -> float:
     """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index.
 
     Returns the mass that has left through both ends, less what came in.
     """
-    components, width, stride = fields.shape[0], span.width, span.stride
-    up = np.empty((3, components, width))
-    down = np.empty((3, components, width))
-    work = np.empty((_WORK_ROWS, width))
-    inverses = np.empty((3, width))
+    width, stride = span.width, span.stride
+    up, down, inverses, work = room
     gone = 0.0
     for row in range(-2, 0):
         invert(fields, begin + row * stride, flux.vacuum, inverses[row + 3])
     for row in range(-1, n + 1):
         at = begin + row * stride
         new, old, middle = (row + 3) % 3, (row + 1) % 3, (row + 2) % 3
-        if row + 2 < n:
-            _fetch(fields, at + 2 * stride, width)
+        # Beyond the last row nothing is swept.
+        fetched = width if row + 2 < n else 0
+        ahead = at + 2 * stride
+        _fetch(fields, (0, 1), ahead, fetched)
         invert(fields, at + stride, flux.vacuum, inverses[old])
         inverse = Inverse(inverses[new], inverses[old], inverses[middle])
         here = Span(at, width, stride, span.normal)
         outflow(flux, fields, here, inverse, ratio, up[new], down[new], work)
+        _fetch(fields, (1, 3), ahead, fetched)
         if row == 0:
             gone -= _mass(flux, up[middle], down[new])
         elif row == n:
@@ -187,6 +219,7 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
         if row >= 1:
             moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
             _update(fields, at - stride, width, moved, flux)
+        _fetch(fields, (3, fields.shape[0]), ahead, fetched)
     return gone
 
 
@@ -194,11 +227,19 @@ def _march(flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: fl
 def _sweep_columns(
     flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float, gone: Floats
 ) -> None:
+    components = fields.shape[0]
     starts, counts, widths = runs
     for task in numba.prange(starts.size):
         first = starts[task]
-        span = Span(first, widths[task], stride, normal)
-        gone[task] = _march(flux, fields, first, counts[task], span, ratio)
+        width = widths[task]
+        room = _Room(
+            np.empty((3, components, width)),
+            np.empty((3, components, width)),
+            np.empty((3, width)),
+            np.empty((_WORK_ROWS, width)),
+        )
+        span = Span(first, width, stride, normal)
+        gone[task] = _march(flux, fields, first, counts[task], span, ratio, room)
 
 
 def sweep_runs(

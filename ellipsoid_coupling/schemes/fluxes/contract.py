@@ -9,7 +9,11 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import KERNEL_OPTIONS, inline_kernel, kernel
+from ellipsoid_coupling.kernels import (
+    KERNEL_OPTIONS,
+    inline_kernel,
+    view_kernel,
+)
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +81,7 @@ class Inverse(NamedTuple):
     below: Floats
 
 
-@kernel
+@view_kernel
 def invert(fields: Floats, first: int, vacuum: float, inverse: Floats) -> None:
     """1/rho of the cells from `first` on, as many as `inverse` has room for; 0 in vacuum."""
     density = run_of(fields, DENSITY, first, inverse.size)
@@ -97,7 +101,7 @@ def outflow(
 ) -> None:
     """What leaves each cell of a span during one step, in units of the cell's content.
 
-    Every flux overloads this for its own type. A sweep then updates cell p to
+    Every flux overloads this for its own type, without allocating anything. A sweep then updates cell p to
     ``U[p] - up[p] - down[p] + up[p - stride] + down[p + stride]``, which conserves by construction.
 
     Parameters
@@ -132,6 +136,7 @@ def register_flux(
 
     faces : what `at_faces` says of it.
     """
+    compiled = view_kernel(implementation)
 
     def is_meant(flux: Any) -> bool:
         return getattr(flux, "instance_class", None) is flux_type
@@ -147,7 +152,11 @@ def register_flux(
         work: Any,
     ) -> Callable[..., None] | None:
         del fields, span, inverse, ratio, up, down, work
-        return implementation if is_meant(flux) else None
+        if not is_meant(flux):
+            return None
+        return lambda flux, fields, span, inverse, ratio, up, down, work: compiled(
+            flux, fields, span, inverse, ratio, up, down, work
+        )
 
     def choose_faces(flux: Any) -> Callable[[Any], bool] | None:
         return (lambda _: faces) if is_meant(flux) else None

@@ -75,7 +75,8 @@ def view_kernel(function: Function) -> Function:
     """Compile `function` for one thread, without any allocation in it: for work on views of rows.
 
     Numba counts who refers to an array, atomically and for every view; ten views of a row of 150
-    cells cost as much as its update. Where nothing can be allocated, nothing is counted.
+    cells cost as much as its update. Where nothing can be allocated, nothing is counted; hence such
+    a kernel must not return an array either, which its caller would believe counted.
     """
     compiled = numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS, **WITHOUT_COUNTING)(function)
     return cast(Function, compiled)

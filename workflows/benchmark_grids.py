@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from functools import partial
 from unittest import mock
@@ -15,11 +16,15 @@ from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
 from ellipsoid_coupling.interaction.choice import choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import half_widths
 from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
+from ellipsoid_coupling.scenes import terms_of
 from ellipsoid_coupling.schemes import q_grid, q_splitting
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.q_transport import transport
+from ellipsoid_coupling.schemes.step_control import STEPS
+from ellipsoid_coupling.simulation import scene_flow
 
 SHAPE = potential_shape(0.1, 0.05)
 SPACING = 0.02
@@ -194,46 +199,46 @@ def _empty_row(sizes: Sizes) -> Row:
     )
 
 
-def _step_cost(model: str, cells: int, angles: int, steps: int, repeats: int) -> float:
-    """Seconds of a step of the rotation on a full grid without interaction, start and end apart."""
+def _step_cost(name: str, cells: int, angles: int, repeats: int) -> float:
+    """Seconds of a step without interaction where all cells hold mass, median of some calls."""
     box = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5], "interaction": None}
     settings = box | {"numerics.cell": 3.0 / cells, "numerics.angle_cells": angles}
-    # Everything moves by then, at speeds around 0.5.
-    times = [0.4, 0.4 + steps * 3.0 / cells]
-    runs = [
-        [simulate(load_scene("rotation", settings | {"times": [t]}), model) for t in times]
-        for _ in range(repeats + 1)
-    ]
+    scene = load_scene("rotation", settings)
+    model = build_model(name, Setup(scene, terms_of(scene), "accurate", scene_flow(scene), 0, 1))
+    state = model.state()
+    if angles > 1:
+        state["fields"][:] = state["fields"].max(axis=1, keepdims=True)
+    model.restore(state)
     costs = []
-    for short, long in runs[1:]:
-        count = float(long.attributes["steps"]) - float(short.attributes["steps"])
-        spent = float(long.attributes["wall_seconds"]) - float(short.attributes["wall_seconds"])
-        costs.append(spent / count)
-    return float(np.median(costs))
+    for _ in range(repeats + 1):
+        before, started = state["clock"][0, STEPS], time.perf_counter()
+        model.advance(10.0)
+        costs.append((time.perf_counter() - started) / (state["clock"][0, STEPS] - before))
+    return float(np.median(costs[1:]))
 
 
 def _growth_row(sizes: Sizes) -> Row:
     """A step of the rho-equation and of a q-equation without interaction: ns a cell."""
     told: list[str] = []
     numbers: dict[str, float] = {}
-    small = max(sizes.rho_cells // 2, 16)
-    for model, cells, angles in (
-        ("rho_mono_kinetic", small, 1),
-        ("q_mono_kinetic", 3 * small // 4, 16),
-    ):
+    starts = (
+        ("rho_mono_kinetic", sizes.rho_cells, 1),
+        ("q_mono_kinetic", sizes.q_cells // 2, sizes.angles // 2),
+    )
+    for model, cells, angles in starts:
         each = []
         for factor in (1, 2, 4, 8):
             n = cells * factor
-            cost = _step_cost(model, n, angles, max(24 // factor, 6), min(sizes.repeats, 3))
-            each.append(1e9 * cost / (n * n * angles))
+            each.append(1e9 * _step_cost(model, n, angles, sizes.repeats) / (n * n * angles))
         spread = 100 * (max(each) / min(each) - 1)
-        told.append(f"{model} {' / '.join(f'{t:.0f}' for t in each)} (+{spread:.0f} %)")
+        told.append(f"{model} {' / '.join(f'{t:.1f}' for t in each)} (+{spread:.0f} %)")
         numbers |= {f"{model}_{k}": t for k, t in enumerate(each)}
+    grids = " and ".join("x".join(map(str, [n, n, a] if a > 1 else [n, n])) for _, n, a in starts)
     return Row(
         "rho and q, 64-fold cells",
         "cost per cell flat within 25 %",
         f"{'; '.join(told)} ns a cell and step",
-        f"each four grids, from {small}x{small} and {3 * small // 4}x{3 * small // 4}x16 cells on",
+        f"each four grids, from {grids} cells on, all of them with mass",
         numbers,
     )
 

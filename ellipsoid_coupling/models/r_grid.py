@@ -96,7 +96,8 @@ class RGridEquation:
         # What has left through open edges, in units of a cell's density.
         self._left = np.zeros(1)
         # What a refused step gives back; new arrays in every step would cost as much as a sweep.
-        self._kept = np.empty_like(self.fields), np.empty_like(self.drift), np.empty(1)
+        arrays = (self.fields, self.drift, self._left) if splitting.refuses else ()
+        self._kept = [np.empty_like(array) for array in arrays]
         self.evaluate_drift()
 
     @property
@@ -160,10 +161,13 @@ class RGridEquation:
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all fields as before, if that was too long."""
+        count = int(self.clock[0, STEPS])
+        if not self._splitting.refuses:
+            return self._splitting.step(self, dt, count)
         arrays = self.fields, self.drift, self._left
         for kept, array in zip(self._kept, arrays, strict=True):
             np.copyto(kept, array)
-        if self._splitting.step(self, dt, int(self.clock[0, STEPS])):
+        if self._splitting.step(self, dt, count):
             return True
         for kept, array in zip(self._kept, arrays, strict=True):
             np.copyto(array, kept)

@@ -125,6 +125,7 @@ class CreepingEuler:
     """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the angle; first order."""
 
     order = 1
+    refuses = False
 
     def __init__(self) -> None:
         self._flux = Force(0.0)
@@ -157,6 +158,7 @@ class CreepingHeun:
     """
 
     order = 2
+    refuses = True
 
     def __init__(self) -> None:
         self._flux = Ballistic()

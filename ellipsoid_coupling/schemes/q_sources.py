@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 # Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
 
 
-@kernel
+@view_kernel
 def _add_steady(steady: Floats | None, j: int, first: int, out: Floats) -> None:
     if steady is not None:
         end = first + out.shape[1]
@@ -42,7 +42,7 @@ def _add_steady(steady: Floats | None, j: int, first: int, out: Floats) -> None:
                 out[d, i] += values[i]
 
 
-@kernel
+@view_kernel
 def _add_turning(
     turning: Floats | None, amplitude: float | None, j: int, first: int, angle: float, out: Floats
 ) -> None:
@@ -63,7 +63,7 @@ def _add_turning(
             out[2, i] += torque
 
 
-@kernel
+@view_kernel
 def _add_weighted(
     values: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
 ) -> None:
@@ -74,7 +74,7 @@ def _add_weighted(
             out[i] += weight * here[i]
 
 
-@kernel
+@view_kernel
 def _add_forces(
     forces: AngleForces | None, terms: CellTerms, at: tuple[int, int, int], out: Floats
 ) -> None:
@@ -86,7 +86,7 @@ def _add_forces(
             _add_weighted(forces.torque, terms.inverse_inertia, here, out[2])
 
 
-@kernel
+@view_kernel
 def _accelerate(
     terms: CellTerms,
     forces: AngleForces | None,
@@ -138,7 +138,7 @@ def shorter(steps: Steps) -> tuple[float, int]:
     return min((steps[0], CFL), (steps[1], ROTATION))
 
 
-@kernel
+@view_kernel
 def _shortest_step(
     fields: Floats,
     at: tuple[int, int, int],
@@ -185,6 +185,12 @@ def _shortest_step(
         shortest[kind] = least
 
 
+@view_kernel
+def _kick(momentum: Floats, q: Floats, rate: Floats, keep: float, push: float) -> None:
+    for i in range(momentum.size):
+        momentum[i] = keep * momentum[i] + push * q[i] * rate[i]
+
+
 @parallel_kernel
 def _relax(
     fields: Floats,
@@ -214,8 +220,7 @@ def _relax(
         for d in range(out.shape[0]):
             momentum = fields[QVX + d, a + GHOSTS, j + GHOSTS, begin : begin + width]
             keep, push = (change[2], change[3]) if d == 2 else (change[0], change[1])
-            for i in range(width):
-                momentum[i] = keep * momentum[i] + push * q[i] * out[d, i]
+            _kick(momentum, q, out[d], keep, push)
         at = a + GHOSTS, j + GHOSTS, begin
         _shortest_step(fields, at, out, rates, distances, how, shortest[task])
     return shortest[:, 0].min(), shortest[:, 1].min()

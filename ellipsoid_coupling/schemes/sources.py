@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
@@ -105,7 +105,7 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
             _clear_vacuum(density, drift[d, j])
 
 
-@kernel
+@view_kernel
 def _add_steady(steady: Floats | None, d: int, j: int, out: Floats) -> None:
     if steady is not None:
         values = steady[d, j]
@@ -113,7 +113,7 @@ def _add_steady(steady: Floats | None, d: int, j: int, out: Floats) -> None:
             out[i] += values[i]
 
 
-@kernel
+@view_kernel
 def _add_weighted(values: Floats | None, weight: float, j: int, out: Floats) -> None:
     if values is not None:
         row = values[j]
@@ -121,7 +121,7 @@ def _add_weighted(values: Floats | None, weight: float, j: int, out: Floats) -> 
             out[i] += weight * row[i]
 
 
-@kernel
+@view_kernel
 def _set_turning(terms: CellTerms, density: Floats, carried: Floats, j: int, out: Floats) -> None:
     """`angular_rate` of a row; `carried` is rho phi."""
     turning, amplitude = terms.turning, terms.amplitude
@@ -131,15 +131,20 @@ def _set_turning(terms: CellTerms, density: Floats, carried: Floats, j: int, out
         out[i] = angular_rate(turning, amplitude, j, i, angle)[0]
 
 
-@kernel
+@view_kernel
 def _clear_vacuum(density: Floats, out: Floats) -> None:
     for i in range(out.size):
         out[i] = 0.0 if density[i] <= 0.0 else out[i]
 
 
 @parallel_kernel
-def kick_exactly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> None:
-    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place."""
+def kick_exactly(
+    fields: Floats, drift: Floats, terms: CellTerms, dt: float, turning: float
+) -> None:
+    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place.
+
+    Then phi += turning * omega, where anything turns.
+    """
     decay, spin_decay = math.exp(-terms.damping * dt), math.exp(-terms.angular_damping * dt)
     gain = dt if terms.damping == 0.0 else -math.expm1(-terms.damping * dt) / terms.damping
     spin_gain = (
@@ -152,13 +157,22 @@ def kick_exactly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> 
         for d in range(2):
             _kick(_row(fields, MOMENTUM_X + d, j), density, drift[d, j], decay, gain)
         if fields.shape[0] == 5:
-            _kick(_row(fields, SPIN, j), density, drift[2, j], spin_decay, spin_gain)
+            spins = _row(fields, SPIN, j)
+            _kick(spins, density, drift[2, j], spin_decay, spin_gain)
+            if turning != 0.0:
+                _turn(_row(fields, ANGLE, j), spins, turning)
 
 
-@kernel
+@view_kernel
 def _kick(carried: Floats, density: Floats, rate: Floats, decay: float, gain: float) -> None:
     for i in range(density.size):
         carried[i] = decay * carried[i] + gain * density[i] * rate[i]
+
+
+@view_kernel
+def _turn(angles: Floats, spins: Floats, dt: float) -> None:
+    for i in range(angles.size):
+        angles[i] += dt * spins[i]
 
 
 @parallel_kernel
@@ -166,9 +180,7 @@ def turn(fields: Floats, dt: float) -> None:
     """Phi += dt omega in every cell, in place; nothing where nothing turns."""
     if fields.shape[0] == 5:
         for j in numba.prange(fields.shape[1] - 2 * GHOSTS):
-            angles, spins = _row(fields, ANGLE, j), _row(fields, SPIN, j)
-            for i in range(angles.size):
-                angles[i] += dt * spins[i]
+            _turn(_row(fields, ANGLE, j), _row(fields, SPIN, j), dt)
 
 
 @parallel_kernel

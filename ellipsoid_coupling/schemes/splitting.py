@@ -1,8 +1,8 @@
 """How transport and sources of a cell equation follow one another within a step.
 
 A splitting is one step of an equation on an r-grid, which offers its fields and three operations
-(`SplitEquation`). It declares its order and its flux, and refuses a step whose CFL number turns out
-too large, so that the caller can repeat it with a smaller one.
+(`SplitEquation`). It declares its order, and whether it may refuse a step that turns out too long, so
+that the caller can repeat it with a smaller one.
 """
 
 from __future__ import annotations
@@ -52,23 +52,28 @@ class SplitEquation(Protocol):
 
 
 class Splitting(Protocol):
-    """One way to step a `SplitEquation`."""
+    """One way to step a `SplitEquation`.
+
+    `refuses` tells whether it may find a step too long that it has allowed itself.
+    """
 
     order: int
+    refuses: bool
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """The step that the CFL number allows now, and its reason."""
         ...
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
-        """Step by dt in place; False (fields half-changed) if the CFL number exceeded 1."""
+        """Step by dt in place; False (fields half-changed) if that was too long."""
         ...
 
 
 def _step_for(rate: float, acceleration: float, distance: float) -> float:
     """The dt that solves dt (rate + acceleration dt) = distance; infinite where nothing moves."""
     root = rate + np.sqrt(rate * rate + 4.0 * acceleration * distance)
-    return float(2.0 * distance / root) if root > 0.0 else np.inf
+    # Not a number stays what it is, so that the caller notices.
+    return float(2.0 * distance / root) if root != 0.0 else np.inf
 
 
 def _cfl_step(equation: SplitEquation, speed: float, cfl: float) -> tuple[float, int]:
@@ -93,6 +98,7 @@ class GodunovSplitting:
     """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the sources; first order."""
 
     order = 1
+    refuses = False
 
     def __init__(self, pressure: float) -> None:
         self._flux = Force(pressure)
@@ -119,6 +125,7 @@ class KickDriftKick:
     """Scheme `accurate`: exact kicks of half a step about a ballistic flight; second order."""
 
     order = 2
+    refuses = False
 
     def __init__(self) -> None:
         self._flux = Ballistic()
@@ -131,16 +138,14 @@ class KickDriftKick:
         return min(_cfl_step(equation, speed, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
-        """Directions change order from step to step (`count`), so that neither is preferred."""
-        fields, terms = equation.fields, equation.terms
-        kick_exactly(fields, equation.drift, terms, 0.5 * dt)
-        speed, _ = largest_rates(fields)
-        if not speed * dt <= equation.cell:
-            return False
-        turn(fields, 0.5 * dt)
+        """Directions change order from step to step (`count`), so that neither is preferred.
+
+        The allowed step counts the acceleration within it in, and flights empty no cell.
+        """
+        kick_exactly(equation.fields, equation.drift, equation.terms, 0.5 * dt, 0.5 * dt)
         for axis in (-1, -2) if count % 2 == 0 else (-2, -1):
             equation.transport(self._flux, axis, dt)
-        turn(fields, 0.5 * dt)
+        turn(equation.fields, 0.5 * dt)
         equation.evaluate_drift()
-        kick_exactly(fields, equation.drift, terms, 0.5 * dt)
+        kick_exactly(equation.fields, equation.drift, equation.terms, 0.5 * dt, 0.0)
         return True

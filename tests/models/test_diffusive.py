@@ -204,3 +204,13 @@ def test_circles_that_nothing_turns_keep_their_angle() -> None:
     # The mean follows exp(-2 t) to the scheme's second order: dt is 0.025 here.
     assert mean == pytest.approx(2.5 * math.exp(-0.4), rel=2e-3)
     assert np.all(found["mean_angle"] == 0.0)
+
+
+def test_a_refused_step_leaves_all_as_it_was(rotation_flow: FlowField) -> None:
+    """A flight as long as the domain asks for more than a small correction."""
+    model = model_of(scene_with("rotation", 0.1, interaction=None), "accurate", rotation_flow)
+    before = {name: array.copy() for name, array in model.state().items()}
+    assert not model.try_step(2.0)
+    for name, array in model.state().items():
+        assert np.array_equal(array, before[name]), name
+    assert model.try_step(1e-3)

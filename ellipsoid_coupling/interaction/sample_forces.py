@@ -35,9 +35,11 @@ from ellipsoid_coupling.interaction.sample_splines import (
     STENCIL,
     Nodes,
     add_parts,
+    add_to,
     deposit_parts,
     interpolate,
     node_numbers,
+    padded,
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
@@ -126,17 +128,18 @@ class SampleInteraction:
         force : (K, D, B)
             Per mass and per inertia.
         """
-        order, rows = sort_by_row(place, self.nodes)
-        if order.size == 0:
+        slots = np.empty(place.shape[0] * place.shape[2], np.int64)
+        samples, begin = sort_by_row(place, node_numbers(self.nodes), slots)
+        if len(samples) == 0:
             return
         functions = 2 * self.harmonics + 1
-        sources = self._deposit(place, order, rows, functions)
-        row, column, sources = _crop(sources)
-        shape = *sources.shape[1:], self._components, functions
-        by_node: Real = np.empty(shape, self._precision)
+        mass = 1.0 / slots.size
+        row, column, sources = _crop(self._deposit(samples, begin, mass, functions))
+        shape = *sources.shape[1:], self._components, padded(functions)
+        by_node: Real = np.zeros(shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:
-            by_node[part] = fields[..., : sources.shape[2]].transpose(2, 3, 0, 1)
+            by_node[part, :, :, :functions] = fields[..., : shape[1]].transpose(2, 3, 0, 1)
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
         corner = Nodes(
@@ -145,18 +148,22 @@ class SampleInteraction:
             self.nodes.inverse_h,
             *by_node.shape[:2],
         )
-        interpolate(place, order, node_numbers(corner), by_node, weights, force)
+        found = interpolate(samples, node_numbers(corner), by_node, functions)
+        add_to(force, found, weights, slots)
 
-    def _deposit(self, place: Array, order: Indices, rows: Indices, functions: int) -> Array:
+    def _deposit(self, samples: Array, begin: Indices, mass: float, functions: int) -> Array:
         """s_q at the nodes, (functions, rows, columns)."""
-        parts = np.linspace(0, order.size, PARTS + 1).astype(np.int64)
-        first, last = rows[parts[:-1] % order.size], rows[np.maximum(parts[1:] - 1, 0)]
+        parts = np.linspace(0, len(samples), PARTS + 1).astype(np.int64)
+        first, last = (
+            np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
+        )
         used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
         offsets = np.concatenate([[0], np.cumsum(used)])
-        partial = np.zeros((offsets[-1], self.nodes.columns, functions))
-        deposit_parts(place, order, parts, (first, offsets), node_numbers(self.nodes), partial)
+        partial = np.zeros((offsets[-1], self.nodes.columns, padded(functions)))
+        windows = first, offsets
+        deposit_parts(samples, parts, windows, node_numbers(self.nodes), functions, partial)
         sources = np.zeros((functions, self.nodes.rows, self.nodes.columns))
-        add_parts(partial, first, offsets, 1.0 / (place.shape[0] * place.shape[2]), sources)
+        add_parts(partial, first, offsets, mass, sources)
         return sources
 
 

@@ -112,3 +112,14 @@ def test_scenes_import_none_of_the_package_but_how_to_read() -> None:
         for module in imported(source):
             if module.startswith("ellipsoid_coupling."):
                 assert part(module) in ("scenes", *ORDER[:3]), (source.name, module)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_kernels_that_count_no_references_return_no_array(source: Path) -> None:
+    """Their callers would take what comes out for counted: see `kernels.view_kernel`."""
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.FunctionDef):
+            kinds = [d.id for d in node.decorator_list if isinstance(d, ast.Name)]
+            if "view_kernel" in kinds:
+                assert node.returns is not None
+                assert ast.unparse(node.returns) in ("None", "float", "int", "bool"), node.name

@@ -211,6 +211,17 @@ def test_same_bits_on_one_and_two_threads() -> None:
         np.testing.assert_array_equal(one, two)
 
 
+def test_what_was_computed_before_leaves_no_trace() -> None:
+    """Arrays are kept from call to call: a small cloud after a large one is as if it were first."""
+    small, large = box(), scatter()
+    interaction = HarmonicInteraction(CELLS, 1.0, series_of(2.0, 1e-2))
+    first = interaction(*small)
+    interaction(*large)
+    again = interaction(*small)
+    for one, two in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
 def test_vacuum_feels_nothing() -> None:
     density, angle = box()
     interaction = HarmonicInteraction(CELLS, 1.0, series_of(2.0, 1e-2))

@@ -41,8 +41,8 @@ def test_there_and_back(kind: type[np.float32 | np.float64], exact: float) -> No
         padded = 2 * (shape[1] // 2 + 3), 2 * (shape[2] // 2 + 2)
         waves, found = there_and_back(transforms, fields, padded)
         expected = np.fft.rfft2(fields, padded)
-        np.testing.assert_allclose(waves, expected, atol=exact * np.abs(expected).max())
-        np.testing.assert_allclose(found, 2.0 * fields, atol=exact * np.abs(fields).max())
+        np.testing.assert_allclose(waves, expected, atol=exact * float(np.abs(expected).max()))
+        np.testing.assert_allclose(found, 2.0 * fields, atol=exact * float(np.abs(fields).max()))
 
 
 def test_same_bits_on_any_number_of_threads() -> None:

@@ -37,7 +37,7 @@ def test_there_and_back(kind: type[np.float32 | np.float64], exact: float) -> No
     """To rounding of the largest number; what an earlier, larger shape has left does not show."""
     transforms, rng = Transforms(kind), np.random.default_rng(0)
     for shape in [*SHAPES, *SHAPES[::-1]]:
-        fields = rng.standard_normal(shape).astype(kind)
+        fields: Numbers = rng.standard_normal(shape).astype(kind)
         padded = 2 * (shape[1] // 2 + 3), 2 * (shape[2] // 2 + 2)
         waves, found = there_and_back(transforms, fields, padded)
         expected = np.fft.rfft2(fields, padded)

@@ -160,7 +160,10 @@ class AngleGridInteraction:
         waves = transforms.forward(angles.which.size, rows, padded, sources)
         product = transforms.product(waves, out.shape[0])
         signs = np.stack([self._kernels.odd, self._kernels.mirrored])
-        _multiply(blocks, signs, angles, waves, product)
+        transforms.multiply(
+            blocks.shape[0],
+            lambda first, end: _multiply(blocks, signs, angles, waves, product, (first, end)),
+        )
         transforms.back(product, rows, padded[1], take)
 
 
@@ -199,20 +202,19 @@ def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
     return _Angles(which, place[-which % holding.size])
 
 
-@parallel_kernel
+@kernel
 def _multiply(
     blocks: Real,
     signs: Indices,
     angles: _Angles,
     waves: Complex,
     fields: Complex,
+    range_of_ky: tuple[int, int],
 ) -> None:
-    """fields[c, a] = sum_b block[c, a, b] waves[b] at every frequency (py, px//2 + 1)."""
+    """fields[c, a] = sum_b block[c, a, b] waves[b] at ky = first .. end - 1 and -ky, all kx."""
     py = waves.shape[1]
-    which, mirror = angles
-    for ky in numba.prange(py // 2 + 1):
-        rows = ky, (py - ky) % py
-        _multiply_rows(blocks[ky], signs, _Angles(which, mirror), waves, fields, rows)
+    for ky in range(range_of_ky[0], range_of_ky[1]):
+        _multiply_rows(blocks[ky], signs, angles, waves, fields, (ky, (py - ky) % py))
 
 
 @kernel

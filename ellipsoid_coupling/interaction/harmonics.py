@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
 
 from ellipsoid_coupling.instructions import sum_products
@@ -31,7 +30,7 @@ from ellipsoid_coupling.interaction.spectra import (
     set_parts,
 )
 from ellipsoid_coupling.interaction.transforms import Transforms
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import kernel
 
 
 class HarmonicInteraction:
@@ -127,15 +126,20 @@ class Convolution:
         waves = self._transforms.forward(functions, rows, padded, sources)
         fields = self._transforms.product(waves, blocks.shape[1])
         parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(blocks.dtype)
-        _multiply(blocks, parities, waves, fields)
+        self._transforms.multiply(
+            blocks.shape[0],
+            lambda first, end: _multiply(blocks, parities, waves, fields, first, end),
+        )
         self._transforms.back(fields, rows, padded[1], take)
 
 
-@parallel_kernel
-def _multiply(blocks: Real, parities: Real, waves: Complex, fields: Complex) -> None:
-    """fields[c, p] = sum_q block[c, p, q] waves[q] at every frequency (py, px//2 + 1)."""
+@kernel
+def _multiply(
+    blocks: Real, parities: Real, waves: Complex, fields: Complex, first: int, end: int
+) -> None:
+    """fields[c, p] = sum_q block[c, p, q] waves[q] at ky = first .. end - 1 and -ky, all kx."""
     py = waves.shape[1]
-    for ky in numba.prange(py // 2 + 1):
+    for ky in range(first, end):
         minus = (py - ky) % py
         upper, lower = fields[:, :, ky], fields[:, :, minus]
         _multiply_rows(blocks[ky], parities, (waves[:, ky], waves[:, minus]), upper, lower)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -21,6 +20,8 @@ from ellipsoid_coupling.kernels import for_each
 
 # Numbers transformed along x at once: half a megabyte at most.
 _NUMBERS_AT_ONCE = 60_000
+# Work that is not cut that small goes in so many parts, whatever the number of threads.
+_PARTS = 16
 
 
 class Transforms:
@@ -50,9 +51,15 @@ class Transforms:
         def some(part: slice) -> None:
             waves[:, part] = fft.rfft(make(part), px, axis=2)
 
-        _in_parts(rows, count * px, some)
+        in_parts(rows, _NUMBERS_AT_ONCE // (count * px), some)
         waves[:, rows:] = 0.0
-        return self._along_y(fft.fft, waves)
+        self._along_y(fft.fft, waves)
+        return waves
+
+    @staticmethod
+    def multiply(frequencies: int, task: Callable[[int, int], None]) -> None:
+        """Run task(first, end) on parts of the range of ky >= 0, which together are all of it."""
+        in_parts(frequencies, frequencies // _PARTS + 1, lambda part: task(part.start, part.stop))
 
     def product(self, waves: Complex, components: int) -> Complex:
         """Where to write so many components of each of `waves`: (components, *waves.shape)."""
@@ -65,16 +72,26 @@ class Transforms:
 
         take : (some of the rows, (components, count, so many rows, Px)) -> None
         """
-        fields = self._along_y(fft.ifft, product)
+        self._along_y(fft.ifft, product)
 
         def some(part: slice) -> None:
-            take(part, fft.irfft(fields[:, :, part], px, axis=3))
+            take(part, fft.irfft(product[:, :, part], px, axis=3))
 
-        _in_parts(rows, product.shape[0] * product.shape[1] * px, some)
+        in_parts(rows, _NUMBERS_AT_ONCE // (product.shape[0] * product.shape[1] * px), some)
 
-    def _along_y(self, transform: Callable[..., Complex], array: Complex) -> Complex:
-        workers = numba.get_num_threads()
-        return transform(array, axis=array.ndim - 2, workers=workers, overwrite_x=True)
+    @staticmethod
+    def _along_y(transform: Callable[..., Complex], array: Complex) -> None:
+        """Along the last axis but one, in place."""
+        each = array.reshape(-1, *array.shape[-2:])
+
+        def some(part: slice) -> None:
+            here = each[part]
+            moved = transform(here, axis=1, overwrite_x=True)
+            # Where scipy cannot work in place, it says so by another array.
+            if not np.shares_memory(moved, here):
+                here[:] = moved
+
+        in_parts(len(each), len(each) // _PARTS + 1, some)
 
     def _kept(self, name: str, shape: tuple[int, ...]) -> Complex:
         size = int(np.prod(shape)) * self._type.itemsize
@@ -83,8 +100,12 @@ class Transforms:
         return self._memory[name][:size].view(self._type).reshape(shape)
 
 
-def _in_parts(rows: int, numbers_a_row: int, task: Callable[[slice], None]) -> None:
-    """`task` for a few rows at a time, on all threads."""
-    step = max(1, _NUMBERS_AT_ONCE // numbers_a_row)
-    parts = [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
+def in_parts(count: int, step: int, task: Callable[[slice], None]) -> None:
+    """`task` for `step` of `count` rows (at least one) at a time, on all threads.
+
+    Transforms and what is done between them share one set of threads: those of a second library
+    would be put on the core that this one still occupies, and wait there.
+    """
+    step = max(1, step)
+    parts = [slice(first, min(first + step, count)) for first in range(0, count, step)]
     for_each(len(parts), lambda k: task(parts[k]))

@@ -31,20 +31,16 @@ from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.harmonics import Convolution
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.sample_splines import (
-    PARTS,
     STENCIL,
     Nodes,
-    add_parts,
     add_to,
-    deposit_parts,
+    deposit,
     interpolate,
-    node_numbers,
     padded,
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
     AngularKernel,
-    Indices,
     Real,
     precision_for,
 )
@@ -129,12 +125,12 @@ class SampleInteraction:
             Per mass and per inertia.
         """
         slots = np.empty(place.shape[0] * place.shape[2], np.int64)
-        samples, begin = sort_by_row(place, node_numbers(self.nodes), slots)
+        samples, begin = sort_by_row(place, self.nodes, slots)
         if len(samples) == 0:
             return
         functions = 2 * self.harmonics + 1
         mass = 1.0 / slots.size
-        row, column, sources = _crop(self._deposit(samples, begin, mass, functions))
+        row, column, sources = _crop(deposit(samples, begin, self.nodes, functions, mass))
         shape = *sources.shape[1:], self._components, padded(functions)
         by_node: Real = np.zeros(shape, self._precision)
 
@@ -148,23 +144,8 @@ class SampleInteraction:
             self.nodes.inverse_h,
             *by_node.shape[:2],
         )
-        found = interpolate(samples, node_numbers(corner), by_node, functions)
+        found = interpolate(samples, corner, by_node, functions)
         add_to(force, found, weights, slots)
-
-    def _deposit(self, samples: Array, begin: Indices, mass: float, functions: int) -> Array:
-        """s_q at the nodes, (functions, rows, columns)."""
-        parts = np.linspace(0, len(samples), PARTS + 1).astype(np.int64)
-        first, last = (
-            np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
-        )
-        used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
-        offsets = np.concatenate([[0], np.cumsum(used)])
-        partial = np.zeros((offsets[-1], self.nodes.columns, padded(functions)))
-        windows = first, offsets
-        deposit_parts(samples, parts, windows, node_numbers(self.nodes), functions, partial)
-        sources = np.zeros((functions, self.nodes.rows, self.nodes.columns))
-        add_parts(partial, first, offsets, mass, sources)
-        return sources
 
 
 def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:

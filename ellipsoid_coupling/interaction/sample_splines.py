@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.spectra import Indices, Real
-from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, view_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
-
-NodeNumbers = tuple[float, float, float, int, int]
 
 # Nodes about a point in each direction.
 STENCIL = 4
@@ -40,11 +37,6 @@ class Nodes(NamedTuple):
     inverse_h: float
     rows: int
     columns: int
-
-
-def node_numbers(nodes: Nodes) -> NodeNumbers:
-    """What parallel loops take in place of named tuples."""
-    return nodes.x_low, nodes.y_low, nodes.inverse_h, nodes.rows, nodes.columns
 
 
 @inline_kernel
@@ -101,8 +93,21 @@ def _fill_slots(
                     samples[slot, d] = place[k, d, j]
 
 
-@parallel_kernel
-def sort_by_row(place: Array, nodes: NodeNumbers, slots: Indices) -> tuple[Array, Indices]:
+@kernel
+def _set_starts(counts: Indices) -> Indices:
+    """Turn counts (parts, rows) into where each part's share of each row begins; (rows + 1,)."""
+    parts, rows = counts.shape
+    begin = np.zeros(rows + 1, np.int64)
+    for row in range(rows):
+        begin[row + 1] = begin[row]
+        for part in range(parts):
+            count = counts[part, row]
+            counts[part, row] = begin[row + 1]
+            begin[row + 1] += count
+    return begin
+
+
+def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indices]:
     """Copies of the samples within the nodes, sorted by the first row of their nodes.
 
     A stable counting sort, so that whatever is done in this order, and what follows in the former
@@ -111,7 +116,7 @@ def sort_by_row(place: Array, nodes: NodeNumbers, slots: Indices) -> tuple[Array
     Parameters
     ----------
     place : (K, D, B) float64
-    nodes : of `node_numbers`
+    nodes : Nodes
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
 
@@ -121,33 +126,37 @@ def sort_by_row(place: Array, nodes: NodeNumbers, slots: Indices) -> tuple[Array
     begin : (rows + 1,) int64
         Where the samples of each row begin.
     """
-    x_low, y_low, inverse_h, rows, columns = nodes
-    blocks = place.shape[0]
-    parts = min(PARTS, blocks)
-    counts = np.zeros((parts, rows), np.int64)
-    for part in numba.prange(parts):
-        some = part * blocks // parts, (part + 1) * blocks // parts
-        here = Nodes(x_low, y_low, inverse_h, rows, columns)
-        _count_rows(place, some, here, slots, counts[part])
-    begin = np.zeros(rows + 1, np.int64)
-    for row in range(rows):
-        begin[row + 1] = begin[row]
-        for part in range(parts):
-            count = counts[part, row]
-            counts[part, row] = begin[row + 1]
-            begin[row + 1] += count
-    samples = np.empty((begin[rows], place.shape[1]))
-    for part in numba.prange(parts):
-        some = part * blocks // parts, (part + 1) * blocks // parts
-        _fill_slots(place, some, slots, counts[part], samples)
+    blocks = shares(len(place))
+    counts = np.zeros((len(blocks), nodes.rows), np.int64)
+    for_each(len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k]))
+    begin: Indices = _set_starts(counts)
+    samples = np.empty((begin[-1], place.shape[1]))
+    for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
     return samples, begin
 
 
-@parallel_kernel
+def shares(count: int) -> list[tuple[int, int]]:
+    """The ranges (first, end) of `count` things that are dealt out, at most `PARTS`."""
+    parts = max(1, min(PARTS, count))
+    return [(k * count // parts, (k + 1) * count // parts) for k in range(parts)]
+
+
 def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
     """Add what was found, (n, components) in sorted order, to the samples' drift (K, D, B)."""
+    blocks = shares(len(force))
+    for_each(len(blocks), lambda k: _add_some(force, found, weights, slots, blocks[k]))
+
+
+@kernel
+def _add_some(
+    force: Array,
+    found: Array,
+    weights: tuple[float, float],
+    slots: Indices,
+    blocks: tuple[int, int],
+) -> None:
     size = force.shape[2]
-    for k in numba.prange(force.shape[0]):
+    for k in range(blocks[0], blocks[1]):
         for c in range(min(found.shape[1], force.shape[1])):
             weight = weights[1] if c == 2 else weights[0]
             for j in range(size):
@@ -180,29 +189,48 @@ def _stencil(
     return int(row) - 1, int(column) - 1, weights_y, weights_x
 
 
-@parallel_kernel
-def deposit_parts(
-    samples: Array,
-    parts: Indices,
-    windows: tuple[Indices, Indices],
-    nodes: NodeNumbers,
-    functions: int,
-    partial: Array,
-) -> None:
-    """Every part of the samples deposits into rows of its own.
+class Windows(NamedTuple):
+    """The rows of nodes that each part of the samples writes to, one part's after the other's.
 
-    windows : first row of each part's window (parts,), and where it begins in `partial`
-        (parts + 1,).
-    partial : (all windows' rows, columns, `padded` functions), zero.
+    parts : (parts + 1,) int64, where each part of the samples begins
+    first : (parts,), the first row of its window
+    offsets : (parts + 1,), where its window begins among all windows' rows
     """
-    first, offsets = windows
-    x_low, y_low, inverse_h, rows, columns = nodes
-    for part in numba.prange(parts.size - 1):
-        window = partial[offsets[part] : offsets[part + 1]]
-        some = samples[parts[part] : parts[part + 1]]
-        basis = np.zeros(partial.shape[2])
-        here = Nodes(x_low, y_low, inverse_h, rows, columns)
-        _deposit(some, first[part], here, functions, basis, window)
+
+    parts: Indices
+    first: Indices
+    offsets: Indices
+
+
+def windows_of(begin: Indices) -> Windows:
+    """For samples whose rows begin there, dealt out in equal parts."""
+    parts = np.linspace(0, begin[-1], PARTS + 1).astype(np.int64)
+    first, last = (
+        np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
+    )
+    used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
+    return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
+
+
+def deposit(samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: float) -> Array:
+    """s_q at the nodes, (functions, rows, columns), of samples sorted by row.
+
+    Every part of the samples deposits into rows of its own; these are added up in the parts' order.
+    """
+    windows = windows_of(begin)
+    parts, first, offsets = windows
+    partial = np.zeros((offsets[-1], nodes.columns, padded(functions)))
+
+    def put(k: int) -> None:
+        window = partial[offsets[k] : offsets[k + 1]]
+        some = samples[parts[k] : parts[k + 1]]
+        _deposit(some, int(first[k]), nodes, functions, np.zeros(partial.shape[2]), window)
+
+    for_each(PARTS, put)
+    sources = np.zeros((functions, nodes.rows, nodes.columns))
+    rows = shares(nodes.rows)
+    for_each(len(rows), lambda k: _add_windows(partial, windows, mass, rows[k], sources))
+    return sources
 
 
 @view_kernel
@@ -220,12 +248,13 @@ def _deposit(
                     node[p] += weight * basis[p]
 
 
-@parallel_kernel
-def add_parts(
-    partial: Array, first: Indices, offsets: Indices, scale: float, sources: Array
+@kernel
+def _add_windows(
+    partial: Array, windows: Windows, scale: float, rows: tuple[int, int], sources: Array
 ) -> None:
-    """Add up the parts' windows row by row, in the parts' order; functions come to the front."""
-    for row in numba.prange(sources.shape[1]):
+    """Add up the windows' rows; functions come to the front."""
+    _, first, offsets = windows
+    for row in range(rows[0], rows[1]):
         total = np.zeros(partial.shape[1:])
         for part in range(first.size):
             at = row - first[part]
@@ -236,19 +265,19 @@ def add_parts(
                 sources[p, row, column] = scale * total[column, p]
 
 
-@parallel_kernel
-def interpolate(samples: Array, nodes: NodeNumbers, fields: Real, functions: int) -> Array:
+def interpolate(samples: Array, nodes: Nodes, fields: Real, functions: int) -> Array:
     """The fields (rows, columns, components, `padded` functions) at the samples: (n, components)."""
-    x_low, y_low, inverse_h, rows, columns = nodes
-    found = np.empty((samples.shape[0], fields.shape[2]))
-    for part in numba.prange(PARTS):
-        begin, end = part * found.shape[0] // PARTS, (part + 1) * found.shape[0] // PARTS
-        corner = Nodes(x_low, y_low, inverse_h, rows, columns)
-        basis, sums = np.zeros(fields.shape[3]), np.empty(fields.shape[2] * fields.shape[3])
-        lines = fields.reshape(fields.shape[0], fields.shape[1] * sums.size)
-        _interpolate_some(
-            samples[begin:end], corner, lines, functions, (basis, sums), found[begin:end]
-        )
+    components, width = fields.shape[2:]
+    found = np.empty((len(samples), components))
+    lines = fields.reshape(len(fields), -1)
+    parts = shares(len(samples))
+
+    def read(k: int) -> None:
+        some = slice(*parts[k])
+        work = np.zeros(width), np.empty(components * width)
+        _interpolate_some(samples[some], nodes, lines, functions, work, found[some])
+
+    for_each(len(parts), read)
     return found
 
 

@@ -8,7 +8,6 @@ from ellipsoid_coupling.interaction.sample_splines import (
     STENCIL,
     Nodes,
     add_to,
-    node_numbers,
     sort_by_row,
 )
 
@@ -21,7 +20,7 @@ def test_sorting_is_stable_and_leaves_out_what_is_beyond_the_nodes() -> None:
     place = rng.uniform(-0.3, 1.6, (7, 3, 50))
     place[2, 0, 3], place[3, 1, 4], place[4, :2, 5] = np.nan, np.inf, (-0.1, 0.2)
     slots = np.empty(350, np.int64)
-    samples, begin = sort_by_row(place, node_numbers(NODES), slots)
+    samples, begin = sort_by_row(place, NODES, slots)
     flat = place.transpose(0, 2, 1).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
         column = np.floor((flat[:, 0] - NODES.x_low) * NODES.inverse_h) - 1.0
@@ -42,7 +41,7 @@ def test_what_is_found_goes_back_to_its_sample() -> None:
     rng = np.random.default_rng(1)
     place = rng.uniform(-0.3, 1.6, (3, 3, 20))
     slots = np.empty(60, np.int64)
-    samples, _ = sort_by_row(place, node_numbers(NODES), slots)
+    samples, _ = sort_by_row(place, NODES, slots)
     force = np.ones_like(place)
     add_to(force, samples, (2.0, 3.0), slots)
     here = (slots >= 0).reshape(3, 1, 20)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from functools import partial
 from unittest import mock
 
 import numba
 import numpy as np
-from benchmark_tools import Floats, Row, Sizes, limits, seconds, with_threads
+from benchmark_tools import Floats, Row, Sizes, limits, seconds, step_seconds, with_threads
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
@@ -23,7 +22,6 @@ from ellipsoid_coupling.schemes import q_grid, q_splitting
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.q_transport import transport
-from ellipsoid_coupling.schemes.step_control import STEPS
 from ellipsoid_coupling.simulation import scene_flow
 
 SHAPE = potential_shape(0.1, 0.05)
@@ -212,12 +210,7 @@ def _step_cost(name: str, cells: int, angles: int, repeats: int) -> float:
     if angles > 1:
         state["fields"][:] = state["fields"].max(axis=1, keepdims=True)
     model.restore(state)
-    costs = []
-    for _ in range(repeats + 1):
-        before, started = state["clock"][0, STEPS], time.perf_counter()
-        model.advance(10.0)
-        costs.append((time.perf_counter() - started) / (state["clock"][0, STEPS] - before))
-    return float(np.median(costs[1:]))
+    return step_seconds(model, 10.0, repeats)
 
 
 def _growth_row(sizes: Sizes) -> Row:

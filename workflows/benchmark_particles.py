@@ -8,7 +8,7 @@ from functools import partial
 
 import numba
 import numpy as np
-from benchmark_tools import Floats, Row, Sizes, seconds, with_threads
+from benchmark_tools import Floats, Row, Sizes, seconds, step_seconds, with_threads
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compare import errors_against, exact_reference
@@ -17,7 +17,9 @@ from ellipsoid_coupling.interaction.large_clouds import PairSum
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.kernels import KERNEL_OPTIONS, for_each
+from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
+from ellipsoid_coupling.scenes import terms_of
 from ellipsoid_coupling.simulation import scene_flow
 
 LENGTH, WIDTH = 0.05, 0.025
@@ -171,20 +173,14 @@ def _samples_row(sizes: Sizes) -> Row:
 
 
 def _flight_row(sizes: Sizes) -> Row:
-    """Samples without interaction: whole steps, start and end apart."""
-    settings = {"numerics.tolerance": 1e-2, "flow.cells": 32, "particles.number": 1000}
-    flow = scene_flow(load_scene("cavity_free", settings))
+    """Samples without interaction: whole steps within a run."""
+    scene = load_scene("cavity_free", {"flow.cells": 32, "particles.number": 1000})
+    flow, terms = scene_flow(scene), terms_of(scene)
     each = []
     for count in sizes.samples[:3]:
-        own = settings | {"particles.realisations": count // 1000}
-        spent, steps = [], []
-        for end in (0.02, 1.0, 0.02, 1.0):
-            scene = load_scene("cavity_free", own | {"times": [end]})
-            result = simulate(scene, "mckean_vlasov", flow=flow)
-            spent.append(float(result.attributes["wall_seconds"]))
-            steps.append(float(result.attributes["steps"]))
-        # The first two warm up.
-        each.append(1e9 * (spent[3] - spent[2]) / (steps[3] - steps[2]) / count)
+        setup = Setup(scene, terms, "accurate", flow, 0, count // 1000)
+        model = build_model("mckean_vlasov", setup)
+        each.append(1e9 * step_seconds(model, scene.times[-1], 3 * sizes.repeats) / count)
     spread = 100 * (max(each) / min(each) - 1)
     return Row(
         "mckean_vlasov, no interaction, S = " + ", ".join(f"{n:.0e}" for n in sizes.samples[:3]),

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.models import Model
 from ellipsoid_coupling.physics.elementary import exp_of_negative
+from ellipsoid_coupling.schemes.step_control import STEPS
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +67,17 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
         work()
         times.append(time.perf_counter() - started)
     return float(np.median(times))
+
+
+def step_seconds(model: Model, until: float, calls: int) -> float:
+    """The median time of a step of `model`, over so many calls after one that warms up."""
+    clock = model.state()["clock"]
+    times = []
+    for _ in range(calls + 1):
+        before, started = clock[0, STEPS], time.perf_counter()
+        model.advance(until)
+        times.append((time.perf_counter() - started) / (clock[0, STEPS] - before))
+    return float(np.median(times[1:]))
 
 
 def with_threads(threads: int, work: Callable[[], float]) -> float:

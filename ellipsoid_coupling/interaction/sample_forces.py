@@ -138,13 +138,7 @@ class SampleInteraction:
             by_node[part, :, :, :functions] = fields[..., : shape[1]].transpose(2, 3, 0, 1)
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
-        corner = Nodes(
-            self.nodes.x_low + column / self.nodes.inverse_h,
-            self.nodes.y_low + row / self.nodes.inverse_h,
-            self.nodes.inverse_h,
-            *by_node.shape[:2],
-        )
-        found = interpolate(samples, corner, by_node, functions)
+        found = interpolate(samples, self.nodes, (row, column), by_node, functions)
         add_to(force, found, weights, slots)
 
 

@@ -265,8 +265,14 @@ def _add_windows(
                 sources[p, row, column] = scale * total[column, p]
 
 
-def interpolate(samples: Array, nodes: Nodes, fields: Real, functions: int) -> Array:
-    """The fields (rows, columns, components, `padded` functions) at the samples: (n, components)."""
+def interpolate(
+    samples: Array, nodes: Nodes, corner: tuple[int, int], fields: Real, functions: int
+) -> Array:
+    """The fields at the samples, (n, components).
+
+    fields : (rows, columns, components, `padded` functions)
+        At a part of the nodes, from row and column `corner` on.
+    """
     components, width = fields.shape[2:]
     found = np.empty((len(samples), components))
     lines = fields.reshape(len(fields), -1)
@@ -275,7 +281,7 @@ def interpolate(samples: Array, nodes: Nodes, fields: Real, functions: int) -> A
     def read(k: int) -> None:
         some = slice(*parts[k])
         work = np.zeros(width), np.empty(components * width)
-        _interpolate_some(samples[some], nodes, lines, functions, work, found[some])
+        _interpolate_some(samples[some], nodes, corner, lines, functions, work, found[some])
 
     for_each(len(parts), read)
     return found
@@ -285,6 +291,7 @@ def interpolate(samples: Array, nodes: Nodes, fields: Real, functions: int) -> A
 def _interpolate_some(
     samples: Array,
     nodes: Nodes,
+    corner: tuple[int, int],
     lines: Real,
     functions: int,
     work: tuple[Array, Array],
@@ -296,9 +303,12 @@ def _interpolate_some(
         row, column, weights_y, weights_x = _stencil(samples[i, 0], samples[i, 1], nodes)
         _set_basis(samples[i], basis, functions)
         sums[:] = 0.0
-        here = slice(column * together, (column + STENCIL) * together)
+        # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
+        first = (column - corner[1]) * together
+        here = slice(first, first + STENCIL * together)
         for a in range(STENCIL):
-            _add_four_nodes(sums, weights_y[a], weights_x, lines[row + a, here])
+            line = lines[row - corner[0] + a, here]
+            _add_four_nodes(sums, weights_y[a], weights_x, line)
         for c in range(found.shape[1]):
             total = 0.0
             for p in range(functions):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
+from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
@@ -33,57 +34,66 @@ Floats = NDArray[np.float64]
 
 
 @view_kernel
-def _add_steady(steady: Floats | None, j: int, first: int, out: Floats) -> None:
+def _set_pull(
+    steady: Floats | None,
+    component: int,
+    force: NDArray[np.floating] | None,
+    weight: float,
+    at: tuple[int, int, int],
+    out: Floats,
+) -> None:
+    """F_x or F_y: the steady part and the weighted force, from `at` (angle, y, x) along x on."""
+    a, j, first = at
+    end = first + out.size
     if steady is not None:
-        end = first + out.shape[1]
-        for d in range(2):
-            values = steady[d, j, first:end]
-            for i in range(out.shape[1]):
-                out[d, i] += values[i]
+        here = steady[component, j, first:end]
+        if force is not None:
+            push = force[a, j, first:end]
+            for i in range(out.size):
+                out[i] = here[i] + weight * push[i]
+        else:
+            for i in range(out.size):
+                out[i] = here[i]
+    elif force is not None:
+        push = force[a, j, first:end]
+        for i in range(out.size):
+            out[i] = weight * push[i]
+    else:
+        out[:] = 0.0
 
 
 @view_kernel
-def _add_turning(
+def _set_turning(
     turning: Floats | None, amplitude: float | None, j: int, first: int, angle: float, out: Floats
 ) -> None:
     """gamma_bar g - dV2/dtheta at a fixed angle."""
     if turning is not None:
-        s2, c2 = math.sin(2.0 * angle), math.cos(2.0 * angle)
-        end = first + out.shape[1]
+        c2, s2 = cos_sin(2.0 * angle)
+        end = first + out.size
         spin, along, across = (
             turning[0, j, first:end],
             turning[1, j, first:end],
             turning[2, j, first:end],
         )
-        for i in range(out.shape[1]):
-            out[2, i] += spin[i] + along[i] * s2 + across[i] * c2
+        for i in range(out.size):
+            out[i] = spin[i] + along[i] * s2 + across[i] * c2
+    else:
+        out[:] = 0.0
     if amplitude is not None:
         torque = sine_torque(angle, amplitude)
-        for i in range(out.shape[1]):
-            out[2, i] += torque
+        for i in range(out.size):
+            out[i] += torque
 
 
 @view_kernel
-def _add_weighted(
-    values: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
+def _add_torque(
+    torque: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
 ) -> None:
-    if values is not None:
+    if torque is not None:
         a, j, first = at
-        here = values[a, j, first : first + out.shape[0]]
-        for i in range(out.shape[0]):
+        here = torque[a, j, first : first + out.size]
+        for i in range(out.size):
             out[i] += weight * here[i]
-
-
-@view_kernel
-def _add_forces(
-    forces: AngleForces | None, terms: CellTerms, at: tuple[int, int, int], out: Floats
-) -> None:
-    if forces is not None:
-        here = at[0] % forces.x.shape[0], at[1], at[2]
-        _add_weighted(forces.x, terms.inverse_mass, here, out[0])
-        _add_weighted(forces.y, terms.inverse_mass, here, out[1])
-        if out.shape[0] == 3:
-            _add_weighted(forces.torque, terms.inverse_inertia, here, out[2])
 
 
 @view_kernel
@@ -95,11 +105,18 @@ def _accelerate(
     out: Floats,
 ) -> None:
     """F and F_bar of a run of cells from `at` (angle, y, x) along x on: out (3 or 2, width)."""
-    out[:] = 0.0
-    _add_steady(terms.steady, at[1], at[2], out)
     if out.shape[0] == 3:
-        _add_turning(terms.turning, terms.amplitude, at[1], at[2], angle, out)
-    _add_forces(forces, terms, at, out)
+        _set_turning(terms.turning, terms.amplitude, at[1], at[2], angle, out[2])
+    if forces is None:
+        _set_pull(terms.steady, 0, None, 0.0, at, out[0])
+        _set_pull(terms.steady, 1, None, 0.0, at, out[1])
+    else:
+        # The potential tells some of the angles apart only.
+        here = at[0] % forces.x.shape[0], at[1], at[2]
+        _set_pull(terms.steady, 0, forces.x, terms.inverse_mass, here, out[0])
+        _set_pull(terms.steady, 1, forces.y, terms.inverse_mass, here, out[1])
+        if out.shape[0] == 3:
+            _add_torque(forces.torque, terms.inverse_inertia, here, out[2])
 
 
 @parallel_kernel
@@ -109,6 +126,10 @@ def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> 
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
         _accelerate(terms, forces, (a, j, 0), FULL_TURN * a / na, out[:, a, j])
+
+
+# Rows of all angles are dealt out in so many tasks.
+_TASKS = 64
 
 
 class Limits(NamedTuple):
@@ -185,12 +206,6 @@ def _shortest_step(
         shortest[kind] = least
 
 
-@view_kernel
-def _kick(momentum: Floats, q: Floats, rate: Floats, keep: float, push: float) -> None:
-    for i in range(momentum.size):
-        momentum[i] = keep * momentum[i] + push * q[i] * rate[i]
-
-
 @parallel_kernel
 def _relax(
     fields: Floats,
@@ -205,25 +220,45 @@ def _relax(
 
     change : decay and gain of v, then of omega. Returns the steps that the new velocities allow.
     """
-    rows = extents.shape[1]
-    shortest = np.full((extents.shape[0] * rows, 2), np.inf)
+    components, rows = fields.shape[0] - 1, extents.shape[1]
+    lines = extents.shape[0] * rows
+    shortest = np.full((lines, 2), np.inf)
     rates = np.array([terms.damping, terms.damping, terms.angular_damping])
-    for task in numba.prange(shortest.shape[0]):
-        a, j = task // rows, task % rows
-        first = extents[a, j, 0]
-        width = max(extents[a, j, 1] - first, 0)
-        angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
-        out = np.empty((fields.shape[0] - 1, width))
-        _accelerate(terms, forces, (a, j, first), angle, out)
-        begin = first + GHOSTS
-        q = fields[Q, a + GHOSTS, j + GHOSTS, begin : begin + width]
-        for d in range(out.shape[0]):
-            momentum = fields[QVX + d, a + GHOSTS, j + GHOSTS, begin : begin + width]
-            keep, push = (change[2], change[3]) if d == 2 else (change[0], change[1])
-            _kick(momentum, q, out[d], keep, push)
-        at = a + GHOSTS, j + GHOSTS, begin
-        _shortest_step(fields, at, out, rates, distances, how, shortest[task])
+    tasks = min(lines, _TASKS)
+    for task in numba.prange(tasks):
+        room = np.empty(components * fields.shape[3])
+        # Every so manyth line: mass is in some of the angles, and all threads shall have a share.
+        for line in range(task, lines, tasks):
+            a, j = line // rows, line % rows
+            first = extents[a, j, 0]
+            width = extents[a, j, 1] - first
+            if width > 0:
+                # Rows right after one another: loops over contiguous arrays vectorise.
+                out = room[: components * width].reshape(components, width)
+                angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
+                _accelerate(terms, forces, (a, j, first), angle, out)
+                at = a + GHOSTS, j + GHOSTS, first + GHOSTS
+                _kick_row(fields, at, out, change)
+                _shortest_step(fields, at, out, rates, distances, how, shortest[line])
     return shortest[:, 0].min(), shortest[:, 1].min()
+
+
+@view_kernel
+def _kick_row(
+    fields: Floats,
+    at: tuple[int, int, int],
+    out: Floats,
+    change: tuple[float, float, float, float],
+) -> None:
+    """`_relax` for a run of cells in the drift `out`."""
+    a, j, begin = at
+    end = begin + out.shape[1]
+    q = fields[Q, a, j, begin:end]
+    for d in range(out.shape[0]):
+        keep, push = (change[2], change[3]) if d == 2 else (change[0], change[1])
+        momentum, rate = fields[QVX + d, a, j, begin:end], out[d]
+        for i in range(q.size):
+            momentum[i] = keep * momentum[i] + push * q[i] * rate[i]
 
 
 def _relaxed(

@@ -108,7 +108,7 @@ def test_walls_fluid_and_chosen_steps_resume_too(model: str, tmp_path: Path) -> 
         "particles.number": 50,
         "numerics.cell": 0.05,
         "numerics.tolerance": 1e-8,
-        "numerics.cfl": 0.2,
+        "numerics.cfl": 0.1,
         "times": [0.2, 0.4],
         "interaction.strength": 3.0,
     }

@@ -31,10 +31,6 @@ KERNEL_OPTIONS: dict[str, Any] = {
 }
 
 
-# No run time of numba's own, which allocates arrays and counts who refers to them.
-WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}
-
-
 def cache_home() -> Path:
     """The folder for everything that can be made again: compiled kernels and solved flows.
 
@@ -78,7 +74,8 @@ def view_kernel(function: Function) -> Function:
     cells cost as much as its update. Where nothing can be allocated, nothing is counted; hence such
     a kernel must not return an array either, which its caller would believe counted.
     """
-    compiled = numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS, **WITHOUT_COUNTING)(function)
+    options = KERNEL_OPTIONS | {"_nrt": False}
+    compiled = numba.njit(cache=True, nogil=True, **options)(function)
     return cast(Function, compiled)
 
 
@@ -113,6 +110,16 @@ def threads_for(work: int, least: int) -> Iterator[None]:
         yield
     finally:
         numba.set_num_threads(before)
+
+
+def shares(count: int, most: int) -> list[tuple[int, int]]:
+    """The ranges (first, end) that `count` things are dealt out in: `most` of them, none empty.
+
+    One range that may be empty where there is nothing. Which ranges does not depend on the number of
+    threads, so that sums over them always add up in the same order.
+    """
+    parts = max(1, min(most, count))
+    return [(k * count // parts, (k + 1) * count // parts) for k in range(parts)]
 
 
 @functools.cache

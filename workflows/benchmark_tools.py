@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.models import Model
 from ellipsoid_coupling.physics.elementary import exp_of_negative
-from ellipsoid_coupling.schemes.step_control import STEPS
+from ellipsoid_coupling.schemes.step_control import REJECTED, STEPS
 
 Floats = NDArray[np.float64]
 
@@ -70,13 +70,14 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def step_seconds(model: Model, until: float, calls: int) -> float:
-    """The median time of a step of `model`, over so many calls after one that warms up."""
+    """The median time of a tried step of `model`, over so many calls after one that warms up."""
     clock = model.state()["clock"]
     times = []
     for _ in range(calls + 1):
-        before, started = clock[0, STEPS], time.perf_counter()
+        before, started = clock[0, STEPS] + clock[0, REJECTED], time.perf_counter()
         model.advance(until)
-        times.append((time.perf_counter() - started) / (clock[0, STEPS] - before))
+        tried = clock[0, STEPS] + clock[0, REJECTED] - before
+        times.append((time.perf_counter() - started) / tried)
     return float(np.median(times[1:]))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from ellipsoid_coupling.compare.errors import errors_against, sampling_errors
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
 from ellipsoid_coupling.compare.ladder import changed
 from ellipsoid_coupling.compare.reference import exact_reference, has_exact_reference
+from ellipsoid_coupling.compare.timing import warm_up
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES, SchemeName
@@ -72,7 +72,7 @@ def short_frontier(
     cases = short_cases(scene)
     for number, case in enumerate(cases):
         if number % len(_COARSER) == 0:
-            _warm_up(case, flow, seed)
+            warm_up(case.scene, case.model, case.scheme, flow)
         keep = folder is not None and case.scene == scene
         name = f"{scene.name}-{case.model}-{case.scheme}"
         try:
@@ -94,13 +94,6 @@ def short_frontier(
     return Frontier(
         rows, reference, exact, sampling_errors(ensemble), finest, _reference_name(exact)
     )
-
-
-def _warm_up(case: Case, flow: FlowField | None, seed: int) -> None:
-    """To the first save time, untimed; a run that fails is left to fail where it is counted."""
-    first = changed(case.scene, {"times": case.scene.times[:1]})
-    with contextlib.suppress(RunError):
-        simulate(first, case.model, case.scheme, flow=flow, seed=seed)
 
 
 def _reference_name(exact: bool) -> str:

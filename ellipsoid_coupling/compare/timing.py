@@ -11,6 +11,7 @@ import numpy as np
 from ellipsoid_coupling.compare.ladder import Ladder, Level, changed
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.models import SchemeName
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.simulation import Report, simulate
@@ -22,6 +23,21 @@ _SHORT = 2.0
 _PATIENCE = 1.5
 # Part of the first save time that a warm-up runs to.
 _WARM_UP = 1e-3
+
+
+def warm_up(scene: Scene, model: str, scheme: SchemeName, flow: FlowField | None) -> None:
+    """A very short run: kernels compiled or loaded.
+
+    One that fails here is left to fail where it is counted.
+
+    Raises
+    ------
+    InputError
+        If the model does not fit the scene.
+    """
+    short = changed(scene, {"times": [scene.times[0] * _WARM_UP]})
+    with contextlib.suppress(RunError):
+        simulate(short, model, scheme, flow=flow)
 
 
 @dataclass(frozen=True)
@@ -55,9 +71,7 @@ class Bench:
             self.report(stage, part)
 
     def warm_up(self, ladder: Ladder, scene: Scene | None = None) -> None:
-        """A very short run of the coarsest level (or `scene`): kernels compiled or loaded.
-
-        A run that fails here is left to fail where it is counted.
+        """`warm_up` with the coarsest level, or `scene`.
 
         Raises
         ------
@@ -65,10 +79,8 @@ class Bench:
             If the model does not fit the scene.
         """
         coarse = ladder.levels[0].scene if scene is None else scene
-        short = changed(coarse, {"times": [coarse.times[0] * _WARM_UP]})
         self.tell(f"{ladder.model}, {ladder.scheme}: warm-up", 0.0)
-        with contextlib.suppress(RunError):
-            simulate(short, ladder.model, ladder.scheme, flow=self.flow, seed=self.seed)
+        warm_up(coarse, ladder.model, ladder.scheme, self.flow)
 
     def run(self, ladder: Ladder, level: Level, repeats: int = REPEATS) -> Timed:
         """Time a level; a short run as often as `repeats`.

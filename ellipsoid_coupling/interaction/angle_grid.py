@@ -34,7 +34,7 @@ from ellipsoid_coupling.interaction.spectra import (
     precision_for,
     set_parts,
 )
-from ellipsoid_coupling.interaction.transforms import Transforms
+from ellipsoid_coupling.interaction.transforms import Transforms, in_parts
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
 
@@ -160,8 +160,8 @@ class AngleGridInteraction:
         waves = transforms.forward(angles.which.size, rows, padded, sources)
         product = transforms.product(waves, out.shape[0])
         signs = np.stack([self._kernels.odd, self._kernels.mirrored])
-        transforms.multiply(
-            blocks.shape[0],
+        in_parts(
+            len(blocks),
             lambda first, end: _multiply(blocks, signs, angles, waves, product, (first, end)),
         )
         transforms.back(product, rows, padded[1], take)

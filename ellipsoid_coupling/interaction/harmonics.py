@@ -29,7 +29,7 @@ from ellipsoid_coupling.interaction.spectra import (
     precision_for,
     set_parts,
 )
-from ellipsoid_coupling.interaction.transforms import Transforms
+from ellipsoid_coupling.interaction.transforms import Transforms, in_parts
 from ellipsoid_coupling.kernels import kernel
 
 
@@ -126,9 +126,8 @@ class Convolution:
         waves = self._transforms.forward(functions, rows, padded, sources)
         fields = self._transforms.product(waves, blocks.shape[1])
         parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(blocks.dtype)
-        self._transforms.multiply(
-            blocks.shape[0],
-            lambda first, end: _multiply(blocks, parities, waves, fields, first, end),
+        in_parts(
+            len(blocks), lambda first, end: _multiply(blocks, parities, waves, fields, first, end)
         )
         self._transforms.back(fields, rows, padded[1], take)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.cells import RECORD, CellGrid, Sources, sort_into
 from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes
 from ellipsoid_coupling.interaction.pairs import Pairs, RowSums, add_sums, sum_rows
-from ellipsoid_coupling.kernels import for_each, kernel
+from ellipsoid_coupling.kernels import for_each, kernel, shares
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -43,7 +43,7 @@ class LargeCloud:
     def __init__(self, drift: Drift, number: int) -> None:
         self._alone = drift._replace(pairs=None)
         self._axis = np.empty((2, number))
-        self._parts = _parts(number)
+        self._parts = shares(number, _tasks(number))
         self._outside = np.zeros(len(self._parts), np.int64)
         self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
 
@@ -70,7 +70,7 @@ class PairSum:
         self._sources = Sources(np.empty((number, RECORD)), np.empty(cells + 1, np.int64))
         self._rank = np.empty(number, np.int64)
         self._own = np.empty((number, RECORD))
-        self._parts = _parts(number)
+        self._parts = shares(number, _tasks(number))
 
     def add(self, place: Floats, axis: Floats, force: Floats) -> None:
         """Add the sums at places (D, N) with axes (2, N) to the drift (D, N)."""
@@ -91,11 +91,6 @@ class PairSum:
 
 def _tasks(number: int) -> int:
     return min(_MOST_TASKS, max(number // _LEAST_PER_TASK, 1))
-
-
-def _parts(number: int) -> list[tuple[int, int]]:
-    tasks = _tasks(number)
-    return [(k * number // tasks, (k + 1) * number // tasks) for k in range(tasks)]
 
 
 def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.spectra import Indices, Real
-from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, view_kernel
+from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, shares, view_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 # Nodes about a point in each direction.
@@ -126,7 +126,7 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
     begin : (rows + 1,) int64
         Where the samples of each row begin.
     """
-    blocks = shares(len(place))
+    blocks = shares(len(place), PARTS)
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     for_each(len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k]))
     begin: Indices = _set_starts(counts)
@@ -135,15 +135,9 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
     return samples, begin
 
 
-def shares(count: int) -> list[tuple[int, int]]:
-    """The ranges (first, end) of `count` things that are dealt out, at most `PARTS`."""
-    parts = max(1, min(PARTS, count))
-    return [(k * count // parts, (k + 1) * count // parts) for k in range(parts)]
-
-
 def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
     """Add what was found, (n, components) in sorted order, to the samples' drift (K, D, B)."""
-    blocks = shares(len(force))
+    blocks = shares(len(force), PARTS)
     for_each(len(blocks), lambda k: _add_some(force, found, weights, slots, blocks[k]))
 
 
@@ -228,7 +222,7 @@ def deposit(samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: 
 
     for_each(PARTS, put)
     sources = np.zeros((functions, nodes.rows, nodes.columns))
-    rows = shares(nodes.rows)
+    rows = shares(nodes.rows, PARTS)
     for_each(len(rows), lambda k: _add_windows(partial, windows, mass, rows[k], sources))
     return sources
 
@@ -276,7 +270,7 @@ def interpolate(
     components, width = fields.shape[2:]
     found = np.empty((len(samples), components))
     lines = fields.reshape(len(fields), -1)
-    parts = shares(len(samples))
+    parts = shares(len(samples), PARTS)
 
     def read(k: int) -> None:
         some = slice(*parts[k])

@@ -15,13 +15,13 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from ellipsoid_coupling.instructions import LINE
 from ellipsoid_coupling.interaction.angular import AngularSeries
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.ladder import Lengths
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
 
 Real = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]
@@ -44,7 +44,7 @@ def precision_for(tolerance: float, *sizes: float) -> Precision:
 COMPONENT_PARITY = (1, -1, -1)
 
 
-def lines_and_lanes(columns: int, precision: Precision) -> tuple[int, int]:
+def lines_and_lanes(columns: int, precision: DTypeLike) -> tuple[int, int]:
     """How many cache lines hold so many numbers, and how many numbers one of them.
 
     Blocks are kept in the order in which `sum_products` reads them: all its terms for one line.
@@ -92,7 +92,6 @@ class AngularKernel:
     """
 
     def __init__(self, series: AngularSeries, strength: float, precision: Precision) -> None:
-        self._precision: Precision = precision
         self._quadrant = _quadrant(series, precision)
         self._scale = -strength * series.h**2
         self.cells = self._quadrant.shape[4] - 1
@@ -113,9 +112,9 @@ class AngularKernel:
         along_x = [self._quadrant @ waves.astype(self._quadrant.dtype) for waves in x_waves]
         half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
         half[odd_x & odd_y] *= -1.0
-        lines, lanes = lines_and_lanes(half.shape[-1], self._precision)
+        lines, lanes = lines_and_lanes(half.shape[-1], half.dtype)
         shape = y_waves[0].shape[1], components, functions, lines, functions, lanes
-        blocks: Real = np.empty(shape, self._precision)
+        blocks: Real = np.empty(shape, half.dtype)
         _add_rows(half, (self._scale * np.array(y_waves)).astype(half.dtype), odd_y, blocks)
         return Spectra(blocks, padded)
 
@@ -143,7 +142,7 @@ def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> 
                 in_lines(total, blocks[ky, c, p, :, q])
 
 
-@kernel
+@view_kernel
 def in_lines(row: Array, lines: Real) -> None:
     """Deal out a row (lines * lanes,) to (lines, lanes)."""
     lanes = lines.shape[1]
@@ -153,7 +152,7 @@ def in_lines(row: Array, lines: Real) -> None:
             there[k] = here[k]
 
 
-@kernel
+@view_kernel
 def set_parts(up: Complex, down: Complex, sign: float, sources: Real) -> None:
     """Write the four parts of `sum_products`: real and imaginary of ky, and of -ky times `sign`.
 

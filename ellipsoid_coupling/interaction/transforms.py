@@ -16,11 +16,11 @@ from scipy import fft
 
 from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
-from ellipsoid_coupling.kernels import for_each
+from ellipsoid_coupling.kernels import for_each, shares
 
 # Numbers transformed along x at once: half a megabyte at most.
 _NUMBERS_AT_ONCE = 60_000
-# Work that is not cut that small goes in so many parts, whatever the number of threads.
+# Work goes in so many parts or more, whatever the number of threads.
 _PARTS = 16
 
 
@@ -48,18 +48,13 @@ class Transforms:
         py, px = padded
         waves = self._kept("waves", (count, py, px // 2 + 1))
 
-        def some(part: slice) -> None:
-            waves[:, part] = fft.rfft(make(part), px, axis=2)
+        def some(first: int, end: int) -> None:
+            waves[:, first:end] = fft.rfft(make(slice(first, end)), px, axis=2)
 
-        in_parts(rows, _NUMBERS_AT_ONCE // (count * px), some)
+        in_parts(rows, some, rows * count * px // _NUMBERS_AT_ONCE)
         waves[:, rows:] = 0.0
-        self._along_y(fft.fft, waves)
+        along_y(fft.fft, waves)
         return waves
-
-    @staticmethod
-    def multiply(frequencies: int, task: Callable[[int, int], None]) -> None:
-        """Run task(first, end) on parts of the range of ky >= 0, which together are all of it."""
-        in_parts(frequencies, frequencies // _PARTS + 1, lambda part: task(part.start, part.stop))
 
     def product(self, waves: Complex, components: int) -> Complex:
         """Where to write so many components of each of `waves`: (components, *waves.shape)."""
@@ -72,26 +67,13 @@ class Transforms:
 
         take : (some of the rows, (components, count, so many rows, Px)) -> None
         """
-        self._along_y(fft.ifft, product)
+        components, count = product.shape[:2]
+        along_y(fft.ifft, product.reshape(-1, *product.shape[2:]))
 
-        def some(part: slice) -> None:
-            take(part, fft.irfft(product[:, :, part], px, axis=3))
+        def some(first: int, end: int) -> None:
+            take(slice(first, end), fft.irfft(product[:, :, first:end], px, axis=3))
 
-        in_parts(rows, _NUMBERS_AT_ONCE // (product.shape[0] * product.shape[1] * px), some)
-
-    @staticmethod
-    def _along_y(transform: Callable[..., Complex], array: Complex) -> None:
-        """Along the last axis but one, in place."""
-        each = array.reshape(-1, *array.shape[-2:])
-
-        def some(part: slice) -> None:
-            here = each[part]
-            moved = transform(here, axis=1, overwrite_x=True)
-            # Where scipy cannot work in place, it says so by another array.
-            if not np.shares_memory(moved, here):
-                here[:] = moved
-
-        in_parts(len(each), len(each) // _PARTS + 1, some)
+        in_parts(rows, some, rows * components * count * px // _NUMBERS_AT_ONCE)
 
     def _kept(self, name: str, shape: tuple[int, ...]) -> Complex:
         size = int(np.prod(shape)) * self._type.itemsize
@@ -100,13 +82,25 @@ class Transforms:
         return self._memory[name][:size].view(self._type).reshape(shape)
 
 
-def in_parts(count: int, step: int, task: Callable[[slice], None]) -> None:
-    """`task` for `step` of `count` rows (at least one) at a time, on all threads.
+def along_y(transform: Callable[..., Complex], fields: Complex) -> None:
+    """Transform `fields` (n, Py, kx) along y, in place."""
+
+    def some(first: int, end: int) -> None:
+        here = fields[first:end]
+        moved = transform(here, axis=1, overwrite_x=True)
+        # scipy need not work in place, though it does.
+        if not np.may_share_memory(moved, here):
+            here[:] = moved
+
+    in_parts(len(fields), some)
+
+
+def in_parts(count: int, task: Callable[[int, int], None], least: int = 0) -> None:
+    """Run task(first, end) on ranges that together are `count`, `least` of them or more.
 
     Transforms and what is done between them share one set of threads. With a library's own for each
     kind of work, one set still waits awake on the core that the next one needs: in every other
     process such a phase took twice as long, as on one thread.
     """
-    step = max(1, step)
-    parts = [slice(first, min(first + step, count)) for first in range(0, count, step)]
-    for_each(len(parts), lambda k: task(parts[k]))
+    parts = shares(count, max(_PARTS, least))
+    for_each(len(parts), lambda k: task(*parts[k]))

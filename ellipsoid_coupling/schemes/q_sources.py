@@ -24,42 +24,13 @@ from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
-from ellipsoid_coupling.schemes.sources import CellTerms
+from ellipsoid_coupling.schemes.sources import CellTerms, add_torque, set_pull
 from ellipsoid_coupling.schemes.step_control import CFL, ROTATION
 
 Floats = NDArray[np.float64]
 
 
 # Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
-
-
-@view_kernel
-def _set_pull(
-    steady: Floats | None,
-    component: int,
-    force: NDArray[np.floating] | None,
-    weight: float,
-    at: tuple[int, int, int],
-    out: Floats,
-) -> None:
-    """F_x or F_y: the steady part and the weighted force, from `at` (angle, y, x) along x on."""
-    a, j, first = at
-    end = first + out.size
-    if steady is not None:
-        here = steady[component, j, first:end]
-        if force is not None:
-            push = force[a, j, first:end]
-            for i in range(out.size):
-                out[i] = here[i] + weight * push[i]
-        else:
-            for i in range(out.size):
-                out[i] = here[i]
-    elif force is not None:
-        push = force[a, j, first:end]
-        for i in range(out.size):
-            out[i] = weight * push[i]
-    else:
-        out[:] = 0.0
 
 
 @view_kernel
@@ -86,17 +57,6 @@ def _set_turning(
 
 
 @view_kernel
-def _add_torque(
-    torque: NDArray[np.floating] | None, weight: float, at: tuple[int, int, int], out: Floats
-) -> None:
-    if torque is not None:
-        a, j, first = at
-        here = torque[a, j, first : first + out.size]
-        for i in range(out.size):
-            out[i] += weight * here[i]
-
-
-@view_kernel
 def _accelerate(
     terms: CellTerms,
     forces: AngleForces | None,
@@ -107,16 +67,17 @@ def _accelerate(
     """F and F_bar of a run of cells from `at` (angle, y, x) along x on: out (3 or 2, width)."""
     if out.shape[0] == 3:
         _set_turning(terms.turning, terms.amplitude, at[1], at[2], angle, out[2])
+    j, first = at[1], at[2]
     if forces is None:
-        _set_pull(terms.steady, 0, None, 0.0, at, out[0])
-        _set_pull(terms.steady, 1, None, 0.0, at, out[1])
+        set_pull(terms.steady, (0, j), None, (0, 0), 0.0, first, out[0])
+        set_pull(terms.steady, (1, j), None, (0, 0), 0.0, first, out[1])
     else:
         # The potential tells some of the angles apart only.
-        here = at[0] % forces.x.shape[0], at[1], at[2]
-        _set_pull(terms.steady, 0, forces.x, terms.inverse_mass, here, out[0])
-        _set_pull(terms.steady, 1, forces.y, terms.inverse_mass, here, out[1])
+        row = at[0] % forces.x.shape[0], j
+        set_pull(terms.steady, (0, j), forces.x, row, terms.inverse_mass, first, out[0])
+        set_pull(terms.steady, (1, j), forces.y, row, terms.inverse_mass, first, out[1])
         if out.shape[0] == 3:
-            _add_torque(forces.torque, terms.inverse_inertia, here, out[2])
+            add_torque(forces.torque, row, terms.inverse_inertia, first, out[2])
 
 
 @parallel_kernel

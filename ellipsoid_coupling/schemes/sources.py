@@ -91,34 +91,63 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
     """
     for j in numba.prange(drift.shape[1]):
         density = _row(fields, RHO, j)
-        for d in range(2):
-            drift[d, j] = 0.0
-            _add_steady(terms.steady, d, j, drift[d, j])
-        if forces is not None:
-            _add_weighted(forces.x, terms.inverse_mass, j, drift[0, j])
-            _add_weighted(forces.y, terms.inverse_mass, j, drift[1, j])
         if fields.shape[0] == 5:
             _set_turning(terms, density, _row(fields, ANGLE, j), j, drift[2, j])
-            if forces is not None:
-                _add_weighted(forces.torque, terms.inverse_inertia, j, drift[2, j])
+        if forces is None:
+            set_pull(terms.steady, (0, j), None, (0,), 0.0, 0, drift[0, j])
+            set_pull(terms.steady, (1, j), None, (0,), 0.0, 0, drift[1, j])
+        else:
+            set_pull(terms.steady, (0, j), forces.x, (j,), terms.inverse_mass, 0, drift[0, j])
+            set_pull(terms.steady, (1, j), forces.y, (j,), terms.inverse_mass, 0, drift[1, j])
+            if fields.shape[0] == 5:
+                add_torque(forces.torque, (j,), terms.inverse_inertia, 0, drift[2, j])
         for d in range(drift.shape[0]):
             _clear_vacuum(density, drift[d, j])
 
 
 @view_kernel
-def _add_steady(steady: Floats | None, d: int, j: int, out: Floats) -> None:
+def set_pull(
+    steady: Floats | None,
+    steady_row: tuple[int, int],
+    force: NDArray[np.floating] | None,
+    force_row: tuple[int, ...],
+    weight: float,
+    first: int,
+    out: Floats,
+) -> None:
+    """F_x or F_y of a run of cells from `first` on: the steady part and the weighted force."""
+    # Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
+    end = first + out.size
     if steady is not None:
-        values = steady[d, j]
+        here = steady[steady_row][first:end]
+        if force is not None:
+            push = force[force_row][first:end]
+            for i in range(out.size):
+                out[i] = here[i] + weight * push[i]
+        else:
+            for i in range(out.size):
+                out[i] = here[i]
+    elif force is not None:
+        push = force[force_row][first:end]
         for i in range(out.size):
-            out[i] += values[i]
+            out[i] = weight * push[i]
+    else:
+        out[:] = 0.0
 
 
 @view_kernel
-def _add_weighted(values: Floats | None, weight: float, j: int, out: Floats) -> None:
-    if values is not None:
-        row = values[j]
+def add_torque(
+    torque: NDArray[np.floating] | None,
+    row: tuple[int, ...],
+    weight: float,
+    first: int,
+    out: Floats,
+) -> None:
+    """Add the weighted torque of a run of cells from `first` on, if there is any."""
+    if torque is not None:
+        here = torque[row][first : first + out.size]
         for i in range(out.size):
-            out[i] += weight * row[i]
+            out[i] += weight * here[i]
 
 
 @view_kernel

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import for_each, kernel
+from ellipsoid_coupling.kernels import for_each, kernel, shares
 from ellipsoid_coupling.schemes.particles import exponential, leapfrog
 from ellipsoid_coupling.schemes.particles.exponential import (
     Trial,
@@ -78,8 +78,8 @@ class Together(NamedTuple):
 def over_blocks(place: Floats, task: Callable[[int, int], None]) -> None:
     """Run task(first, end) on parts of the range of blocks of `place`, which together are all of it."""
     blocks, _, size = place.shape
-    parts = min(blocks, _TASKS, max(1, blocks * size // _LEAST_PER_TASK))
-    for_each(parts, lambda p: task(p * blocks // parts, (p + 1) * blocks // parts))
+    parts = shares(blocks, min(_TASKS, max(1, blocks * size // _LEAST_PER_TASK)))
+    for_each(len(parts), lambda k: task(*parts[k]))
 
 
 @kernel

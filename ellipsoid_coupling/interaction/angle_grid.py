@@ -162,6 +162,7 @@ class AngleGridInteraction:
         signs = np.stack([self._kernels.odd, self._kernels.mirrored])
         in_parts(
             len(blocks),
+            product.size,
             lambda first, end: _multiply(blocks, signs, angles, waves, product, (first, end)),
         )
         transforms.back(product, rows, padded[1], take)

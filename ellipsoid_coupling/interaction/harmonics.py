@@ -127,7 +127,9 @@ class Convolution:
         fields = self._transforms.product(waves, blocks.shape[1])
         parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(blocks.dtype)
         in_parts(
-            len(blocks), lambda first, end: _multiply(blocks, parities, waves, fields, first, end)
+            len(blocks),
+            fields.size,
+            lambda first, end: _multiply(blocks, parities, waves, fields, first, end),
         )
         self._transforms.back(fields, rows, padded[1], take)
 

@@ -18,8 +18,10 @@ from ellipsoid_coupling.physics.elementary import cos_sin
 
 # Nodes about a point in each direction.
 STENCIL = 4
-# Samples are dealt out in this many parts of equal size, whatever the number of threads.
+# Samples are dealt out in this many parts at most, whatever the number of threads, ...
 PARTS = 32
+# ... of so many at least: to wake a thread takes as long as to sort or to spread those.
+_LEAST_SORTED, _LEAST_SPREAD = 20_000, 2_500
 # Numbers in a vector of the processor.
 _LANES = 8
 
@@ -126,7 +128,7 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
     begin : (rows + 1,) int64
         Where the samples of each row begin.
     """
-    blocks = shares(len(place), PARTS)
+    blocks = shares(len(place), min(PARTS, slots.size // _LEAST_SORTED))
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     for_each(len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k]))
     begin: Indices = _set_starts(counts)
@@ -137,7 +139,7 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
 
 def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
     """Add what was found, (n, components) in sorted order, to the samples' drift (K, D, B)."""
-    blocks = shares(len(force), PARTS)
+    blocks = shares(len(force), min(PARTS, slots.size // _LEAST_SORTED))
     for_each(len(blocks), lambda k: _add_some(force, found, weights, slots, blocks[k]))
 
 
@@ -198,7 +200,8 @@ class Windows(NamedTuple):
 
 def windows_of(begin: Indices) -> Windows:
     """For samples whose rows begin there, dealt out in equal parts."""
-    parts = np.linspace(0, begin[-1], PARTS + 1).astype(np.int64)
+    count = max(1, min(PARTS, int(begin[-1]) // _LEAST_SPREAD))
+    parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
     )
@@ -220,9 +223,9 @@ def deposit(samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: 
         some = samples[parts[k] : parts[k + 1]]
         _deposit(some, int(first[k]), nodes, functions, np.zeros(partial.shape[2]), window)
 
-    for_each(PARTS, put)
+    for_each(first.size, put)
     sources = np.zeros((functions, nodes.rows, nodes.columns))
-    rows = shares(nodes.rows, PARTS)
+    rows = shares(nodes.rows, first.size)
     for_each(len(rows), lambda k: _add_windows(partial, windows, mass, rows[k], sources))
     return sources
 
@@ -270,7 +273,7 @@ def interpolate(
     components, width = fields.shape[2:]
     found = np.empty((len(samples), components))
     lines = fields.reshape(len(fields), -1)
-    parts = shares(len(samples), PARTS)
+    parts = shares(len(samples), min(PARTS, len(samples) // _LEAST_SPREAD))
 
     def read(k: int) -> None:
         some = slice(*parts[k])

@@ -18,10 +18,8 @@ from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
 from ellipsoid_coupling.kernels import for_each, shares
 
-# Numbers transformed along x at once: half a megabyte at most.
+# Numbers worked on at once: a megabyte at most.
 _NUMBERS_AT_ONCE = 60_000
-# Work goes in so many parts or more, whatever the number of threads.
-_PARTS = 16
 
 
 class Transforms:
@@ -51,7 +49,7 @@ class Transforms:
         def some(first: int, end: int) -> None:
             waves[:, first:end] = fft.rfft(make(slice(first, end)), px, axis=2)
 
-        in_parts(rows, some, rows * count * px // _NUMBERS_AT_ONCE)
+        in_parts(rows, rows * count * px, some)
         waves[:, rows:] = 0.0
         along_y(fft.fft, waves)
         return waves
@@ -73,7 +71,7 @@ class Transforms:
         def some(first: int, end: int) -> None:
             take(slice(first, end), fft.irfft(product[:, :, first:end], px, axis=3))
 
-        in_parts(rows, some, rows * components * count * px // _NUMBERS_AT_ONCE)
+        in_parts(rows, rows * components * count * px, some)
 
     def _kept(self, name: str, shape: tuple[int, ...]) -> Complex:
         size = int(np.prod(shape)) * self._type.itemsize
@@ -92,15 +90,15 @@ def along_y(transform: Callable[..., Complex], fields: Complex) -> None:
         if not np.may_share_memory(moved, here):
             here[:] = moved
 
-    in_parts(len(fields), some)
+    in_parts(len(fields), fields.size, some)
 
 
-def in_parts(count: int, task: Callable[[int, int], None], least: int = 0) -> None:
-    """Run task(first, end) on ranges that together are `count`, `least` of them or more.
+def in_parts(count: int, numbers: int, task: Callable[[int, int], None]) -> None:
+    """Run task(first, end) on ranges that together are `count` rows of so many `numbers` in all.
 
     Transforms and what is done between them share one set of threads. With a library's own for each
     kind of work, one set still waits awake on the core that the next one needs: in every other
     process such a phase took twice as long, as on one thread.
     """
-    parts = shares(count, max(_PARTS, least))
+    parts = shares(count, numbers // _NUMBERS_AT_ONCE + 1)
     for_each(len(parts), lambda k: task(*parts[k]))

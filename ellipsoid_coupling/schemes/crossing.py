@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
@@ -32,18 +32,72 @@ _CROSSED, _EARLIEST, _STRONGEST = range(3)
 _X, _Y = 1, 2
 
 
+# Rows are dealt out in so many tasks at most, each with room of its own.
+_TASKS = 64
+
+
+@view_kernel
+def _raise_to(values: Floats, peaks: Floats) -> None:
+    for i in range(peaks.size):
+        peaks[i] = max(peaks[i], values[i])
+
+
 @parallel_kernel
 def _densest(fields: Floats, held: NDArray[np.bool_]) -> float:
     """The largest density of the rows that are `held`; at least 0."""
-    rows = held.shape[1]
-    densest = np.zeros(held.size)
-    for task in numba.prange(held.size):
-        a, j = task // rows, task % rows
-        largest = 0.0
-        for i in range(GHOSTS, fields.shape[3] - GHOSTS if held[a, j] else GHOSTS):
-            largest = max(largest, fields[DENSITY, a, j + GHOSTS, i])
-        densest[task] = largest
+    rows, columns = held.shape[1], fields.shape[3] - 2 * GHOSTS
+    tasks = min(held.size, _TASKS)
+    densest = np.zeros(tasks)
+    for task in numba.prange(tasks):
+        peaks = np.zeros(columns)
+        for line in range(task * held.size // tasks, (task + 1) * held.size // tasks):
+            a, j = line // rows, line % rows
+            if held[a, j]:
+                row = fields[DENSITY, a, j + GHOSTS, GHOSTS : GHOSTS + columns]
+                _raise_to(row, peaks)
+        densest[task] = peaks.max()
     return float(densest.max())
+
+
+@view_kernel
+def _invert_dense(density: Floats, least: float, inverse: Floats) -> None:
+    """1/rho of cells denser than `least`, else 0."""
+    for i in range(inverse.size):
+        inverse[i] = 1.0 / density[i] if density[i] > least else 0.0
+
+
+@view_kernel
+def _raise_to_jumps(
+    momentum: Floats, inverse: Floats, next_momentum: Floats, next_inverse: Floats, peaks: Floats
+) -> None:
+    """Raise `peaks` to v - v_next where both cells are dense."""
+    for i in range(peaks.size):
+        jump = momentum[i] * inverse[i] - next_momentum[i] * next_inverse[i]
+        jump = jump if inverse[i] * next_inverse[i] > 0.0 else 0.0
+        peaks[i] = max(peaks[i], jump)
+
+
+@view_kernel
+def _raise_to_row(
+    fields: Floats,
+    row: tuple[int, int],
+    has_next: bool,
+    least: float,
+    work: tuple[Floats, Floats],
+    peaks: Floats,
+) -> None:
+    """`_raise_to_jumps` along x, and along y to the next row if there is one."""
+    inverse, above = work
+    a, j = row[0], row[1] + GHOSTS
+    first, end = GHOSTS, GHOSTS + peaks.size
+    # Each row by itself is contiguous; a slice of all components would not be.
+    _invert_dense(fields[DENSITY, a, j, first:end], least, inverse)
+    x = fields[_X, a, j, first:end]
+    _raise_to_jumps(x[:-1], inverse[:-1], x[1:], inverse[1:], peaks[:-1])
+    if has_next:
+        _invert_dense(fields[DENSITY, a, j + 1, first:end], least, above)
+        y, next_y = fields[_Y, a, j, first:end], fields[_Y, a, j + 1, first:end]
+        _raise_to_jumps(y, inverse, next_y, above, peaks)
 
 
 @parallel_kernel
@@ -53,22 +107,16 @@ def _largest_jump(fields: Floats, held: NDArray[np.bool_], least: float) -> floa
     fields : (K, planes, ny + 4, nx + 4), density and both momenta first; ghosts are left out.
     held : (planes, ny), the rows that may hold mass.
     """
-    rows = held.shape[1]
-    jumps = np.zeros(held.size)
-    for task in numba.prange(held.size):
-        a, j = task // rows, task % rows + GHOSTS
-        largest = 0.0
-        for i in range(GHOSTS, fields.shape[3] - GHOSTS if held[a, j - GHOSTS] else GHOSTS):
-            here = fields[DENSITY, a, j, i]
-            if here > least:
-                right, above = fields[DENSITY, a, j, i + 1], fields[DENSITY, a, j + 1, i]
-                if right > least and i + 1 < fields.shape[3] - GHOSTS:
-                    jump = fields[_X, a, j, i] / here - fields[_X, a, j, i + 1] / right
-                    largest = max(largest, jump)
-                if above > least and j + 1 < rows + GHOSTS:
-                    jump = fields[_Y, a, j, i] / here - fields[_Y, a, j + 1, i] / above
-                    largest = max(largest, jump)
-        jumps[task] = largest
+    rows, columns = held.shape[1], fields.shape[3] - 2 * GHOSTS
+    tasks = min(held.size, _TASKS)
+    jumps = np.zeros(tasks)
+    for task in numba.prange(tasks):
+        peaks, inverse, above = np.zeros(columns), np.empty(columns), np.empty(columns)
+        for line in range(task * held.size // tasks, (task + 1) * held.size // tasks):
+            a, j = line // rows, line % rows
+            if held[a, j]:
+                _raise_to_row(fields, (a, j), j + 1 < rows, least, (inverse, above), peaks)
+        jumps[task] = peaks.max()
     return float(jumps.max())
 
 

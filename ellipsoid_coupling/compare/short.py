@@ -72,7 +72,7 @@ def short_frontier(
     cases = short_cases(scene)
     for number, case in enumerate(cases):
         if number % len(_COARSER) == 0:
-            warm_up(case.scene, case.model, case.scheme, flow)
+            warm_up(case.scene, case.model, case.scheme, flow, seed)
         keep = folder is not None and case.scene == scene
         name = f"{scene.name}-{case.model}-{case.scheme}"
         try:

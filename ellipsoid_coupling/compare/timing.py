@@ -25,7 +25,9 @@ _PATIENCE = 1.5
 _WARM_UP = 1e-3
 
 
-def warm_up(scene: Scene, model: str, scheme: SchemeName, flow: FlowField | None) -> None:
+def warm_up(
+    scene: Scene, model: str, scheme: SchemeName, flow: FlowField | None, seed: int
+) -> None:
     """A very short run: kernels compiled or loaded.
 
     One that fails here is left to fail where it is counted.
@@ -37,7 +39,7 @@ def warm_up(scene: Scene, model: str, scheme: SchemeName, flow: FlowField | None
     """
     short = changed(scene, {"times": [scene.times[0] * _WARM_UP]})
     with contextlib.suppress(RunError):
-        simulate(short, model, scheme, flow=flow)
+        simulate(short, model, scheme, flow=flow, seed=seed)
 
 
 @dataclass(frozen=True)
@@ -70,17 +72,16 @@ class Bench:
         if self.report is not None:
             self.report(stage, part)
 
-    def warm_up(self, ladder: Ladder, scene: Scene | None = None) -> None:
-        """`warm_up` with the coarsest level, or `scene`.
+    def warm_up(self, ladder: Ladder) -> None:
+        """`warm_up` with the coarsest level.
 
         Raises
         ------
         InputError
             If the model does not fit the scene.
         """
-        coarse = ladder.levels[0].scene if scene is None else scene
         self.tell(f"{ladder.model}, {ladder.scheme}: warm-up", 0.0)
-        warm_up(coarse, ladder.model, ladder.scheme, self.flow)
+        warm_up(ladder.levels[0].scene, ladder.model, ladder.scheme, self.flow, self.seed)
 
     def run(self, ladder: Ladder, level: Level, repeats: int = REPEATS) -> Timed:
         """Time a level; a short run as often as `repeats`.

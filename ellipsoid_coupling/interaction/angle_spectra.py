@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.instructions import fused
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
@@ -31,7 +32,7 @@ from ellipsoid_coupling.interaction.spectra import (
     in_lines,
     lines_and_lanes,
 )
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
 Quantity = Literal["forces", "potential"]
@@ -143,8 +144,7 @@ class AngleKernels:
     def _make(self, padded: tuple[int, int]) -> AngleSpectra:
         n = self._samples.shape[1]
         blocks: Real = np.empty(self._block_shape(padded, n), self._precision)
-        for c, (samples, odd) in enumerate(zip(self._samples, self.odd, strict=True)):
-            _transform(samples, padded, odd, blocks, c)
+        _transform(self._samples, padded, self.odd, blocks)
         return AngleSpectra(blocks, padded)
 
 
@@ -161,50 +161,74 @@ def _check_memory(
         )
 
 
-def _transform(samples: Array, padded: tuple[int, int], odd: int, blocks: Real, c: int) -> None:
-    """The cosine or sine sum of half the offsets, (n, n, R + 1, 2 R + 1): blocks[:, c] overwritten.
+def _transform(samples: Array, padded: tuple[int, int], odd: Indices, blocks: Real) -> None:
+    """The cosine or sine sum of half the offsets, (components, n, n, R + 1, 2 R + 1), to `blocks`.
 
     Offsets with j < 0 mirror those with j > 0, which therefore count twice.
     """
-    cells = samples.shape[2] - 1
-    kx, ky = np.arange(padded[1] // 2 + 1), np.arange(padded[0] // 2 + 1)
+    cells = samples.shape[3] - 1
+    kx, ky = np.arange(blocks.shape[3] * blocks.shape[5]), np.arange(blocks.shape[0])
     along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
-    across = _waves(np.arange(cells + 1), ky, padded[0])
-    for waves in across:
-        waves[1:] *= 2.0
-    rows = samples.reshape(-1, samples.shape[-1])
-    cosine, sine = (rows @ waves for waves in along)
-    shape = *samples.shape[:3], kx.size
+    # Frequencies that only fill the last line.
+    along[..., padded[1] // 2 + 1 :] = 0.0
+    cosine, sine = _waves(np.arange(cells + 1), ky, padded[0])
     # cos(a + b) and sin(a + b) from those of a and b.
-    pair = (across[1], across[0]) if odd else (across[0], -across[1])
-    _add_rows(cosine.reshape(shape), sine.reshape(shape), *pair, blocks, c)
+    across = np.array([[cosine, -sine], [sine, cosine]])
+    across[:, :, 1:] *= 2.0
+    _add_rows(samples, np.hstack([*along]), across, odd, blocks)
 
 
 @parallel_kernel
-def _add_rows(
-    cosine: Array, sine: Array, with_cosine: Array, with_sine: Array, blocks: Real, c: int
-) -> None:
-    """block[ky, c] = sum_j with_cosine[j, ky] cosine[..., j, :] + with_sine[j, ky] sine[..., j, :]."""
-    for ky in numba.prange(blocks.shape[0]):
-        n, width = cosine.shape[0], cosine.shape[3]
-        padded = np.zeros(blocks.shape[3] * blocks.shape[5])
-        total = padded[:width]
-        for a in range(n):
-            for b in range(n):
-                total[:] = 0.0
-                for j in range(cosine.shape[2]):
-                    first, second = with_cosine[j, ky], with_sine[j, ky]
-                    even, uneven = cosine[a, b, j], sine[a, b, j]
-                    for k in range(width):
-                        total[k] += first * even[k] + second * uneven[k]
-                in_lines(padded, blocks[ky, c, a, :, b])
+def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks: Real) -> None:
+    """block[ky, c, a] = sum_j across[odd, :, j, ky] . sum_i along[i, kx] samples[c, a, b, j, i].
+
+    along : (2 R + 1, twice kx), cosines and sines; across : (2, 2, R + 1, ky), with the parity first
+    """
+    components, n, cells = samples.shape[0], samples.shape[1], samples.shape[3]
+    lines, lanes = blocks.shape[3], blocks.shape[5]
+    for task in numba.prange(components * n):
+        c, a = task // n, task % n
+        # All that one target angle needs stays in cache while ky runs, in the order of the blocks.
+        parts = np.empty((2, cells, lines, n, lanes))
+        room = np.empty(along.shape[1])
+        for b in range(n):
+            _add_columns(samples[c, a, b], along, room, parts[..., b, :])
+        rows, total = parts.reshape(2, cells, -1), np.empty(lines * n * lanes)
+        for ky in range(blocks.shape[0]):
+            _add_parts(rows, across[odd[c], :, :, ky], total)
+            blocks[ky, c, a].ravel()[:] = total
 
 
-def _waves(offsets: Indices, frequency: Indices, length: int) -> tuple[Array, Array]:
-    """Cosine and sine of every offset at every frequency, (offsets, frequencies)."""
+@view_kernel
+def _add_columns(samples: Array, along: Array, room: Array, parts: Array) -> None:
+    """parts[:, j] = sum_i along[i, :] samples[j, i], the cosines' sum and the sines'."""
+    half = room.size // 2
+    for j in range(samples.shape[0]):
+        room[:] = 0.0
+        for i in range(samples.shape[1]):
+            sample, waves = samples[j, i], along[i]
+            for k in range(room.size):
+                room[k] = fused(sample, waves[k], room[k])
+        in_lines(room[:half], parts[0, j])
+        in_lines(room[half:], parts[1, j])
+
+
+@view_kernel
+def _add_parts(rows: Array, weights: Array, total: Array) -> None:
+    """total = sum_j weights[0, j] rows[0, j, :] + weights[1, j] rows[1, j, :]."""
+    total[:] = 0.0
+    for j in range(rows.shape[1]):
+        first, second = weights[0, j], weights[1, j]
+        even, uneven = rows[0, j], rows[1, j]
+        for k in range(total.size):
+            total[k] = fused(first, even[k], fused(second, uneven[k], total[k]))
+
+
+def _waves(offsets: Indices, frequency: Indices, length: int) -> Array:
+    """Cosine and sine of every offset at every frequency, (2, offsets, frequencies)."""
     # Whole turns are taken off in integers, so that nothing is lost to rounding.
     phase = 2.0 * np.pi / length * (offsets[:, None] * frequency % length)
-    return np.cos(phase), np.sin(phase)
+    return np.array([np.cos(phase), np.sin(phase)])
 
 
 @parallel_kernel

@@ -116,9 +116,8 @@ class QEquation:
         if not self.stepper.step(dt, int(self.clock[0, STEPS])):
             return False
         if self._crossing is not None:
-            held = self.system.extents[..., 1] > 0
-            now = self.time + dt
-            self._crossing.look(self.system.fields, self.grid.plane.cell, now, held)
+            system, now = self.system, self.time + dt
+            self._crossing.look(system.fields, self.grid.plane.cell, now, system.extents)
         return True
 
     def _failure(self, status: int) -> RunError:

@@ -22,6 +22,7 @@ from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # Cells below this part of the largest density do not count.
 NEGLIGIBLE = 1e-3
@@ -34,6 +35,33 @@ _X, _Y = 1, 2
 
 # Rows are dealt out in so many tasks at most, each with room of its own.
 _TASKS = 64
+
+
+@view_kernel
+def _raise_to(fields: Floats, at: tuple[int, int, int], width: int, peaks: Floats) -> None:
+    """Raise `peaks` to the density of a run of cells from `at` (plane, y, x) along x on."""
+    density = fields[DENSITY, at[0], at[1], at[2] : at[2] + width]
+    for i in range(width):
+        peaks[i] = max(peaks[i], density[i])
+
+
+@parallel_kernel
+def _densest(fields: Floats, extents: Indices) -> float:
+    """The largest density within `extents`; at least 0. Arguments as in `_largest_jump`."""
+    rows = extents.shape[1]
+    lines = extents.shape[0] * rows
+    tasks = min(lines, _TASKS)
+    densest = np.zeros(tasks)
+    for task in numba.prange(tasks):
+        peaks = np.zeros(fields.shape[3])
+        for line in range(task, lines, tasks):
+            a, j = line // rows, line % rows
+            width = extents[a, j, 1] - extents[a, j, 0]
+            if width > 0:
+                at = a, j + GHOSTS, extents[a, j, 0] + GHOSTS
+                _raise_to(fields, at, width, peaks)
+        densest[task] = peaks.max()
+    return float(densest.max())
 
 
 @view_kernel
@@ -57,16 +85,19 @@ def _raise_to_jumps(
 @view_kernel
 def _raise_to_row(
     fields: Floats,
-    row: tuple[int, int],
+    at: tuple[int, int, int],
+    width: int,
     has_next: bool,
     least: float,
-    work: tuple[Floats, Floats],
-    peaks: Floats,
+    work: Floats,
 ) -> None:
-    """`_raise_to_jumps` along x, and along y to the next row if there is one."""
-    inverse, above = work
-    a, j = row[0], row[1] + GHOSTS
-    first, end = GHOSTS, GHOSTS + peaks.size
+    """`_raise_to_jumps` of a run of cells along x, and along y to the next row if there is one.
+
+    work : (3, width or more), the peaks and room for two rows.
+    """
+    a, j, first = at
+    end = first + width
+    peaks, inverse, above = work[0, :width], work[1, :width], work[2, :width]
     # Each row by itself is contiguous; a slice of all components would not be.
     _invert_dense(fields[DENSITY, a, j, first:end], least, inverse)
     x = fields[_X, a, j, first:end]
@@ -78,28 +109,30 @@ def _raise_to_row(
 
 
 @parallel_kernel
-def _largest_jump(fields: Floats, held: NDArray[np.bool_], least: float) -> float:
+def _largest_jump(fields: Floats, extents: Indices, least: float) -> float:
     """The largest v_i - v_{i+1}, along x or y, of neighbours denser than `least`; at least 0.
 
     fields : (K, planes, ny + 4, nx + 4), density and both momenta first; ghosts are left out.
-    held : (planes, ny), the rows that may hold mass.
+    extents : (planes, ny, 2), first and end column of what may hold mass.
     """
-    rows, columns = held.shape[1], fields.shape[3] - 2 * GHOSTS
-    tasks = min(held.size, _TASKS)
+    rows = extents.shape[1]
+    lines = extents.shape[0] * rows
+    tasks = min(lines, _TASKS)
     jumps = np.zeros(tasks)
     for task in numba.prange(tasks):
-        peaks, inverse, above = np.zeros(columns), np.empty(columns), np.empty(columns)
-        for line in range(task * held.size // tasks, (task + 1) * held.size // tasks):
+        work = np.zeros((3, fields.shape[3]))
+        # Every so manyth line: mass is in some of the planes, and all threads shall have a share.
+        for line in range(task, lines, tasks):
             a, j = line // rows, line % rows
-            if held[a, j]:
-                _raise_to_row(fields, (a, j), j + 1 < rows, least, (inverse, above), peaks)
-        jumps[task] = peaks.max()
+            width = extents[a, j, 1] - extents[a, j, 0]
+            if width > 0:
+                at = a, j + GHOSTS, extents[a, j, 0] + GHOSTS
+                _raise_to_row(fields, at, width, j + 1 < rows, least, work)
+        jumps[task] = work[0].max()
     return float(jumps.max())
 
 
-def largest_compression(
-    fields: Floats, cell: float, held: NDArray[np.bool_] | None = None
-) -> float:
+def largest_compression(fields: Floats, cell: float, extents: Indices | None = None) -> float:
     """The largest -dv_x/dx or -dv_y/dy of cells that hold mass, 1/time; 0 without compression.
 
     Parameters
@@ -109,16 +142,16 @@ def largest_compression(
         angle are left out.
     cell : float
         Cell width h.
-    held : (na, ny) bool, optional
-        The rows that hold any mass, where that is known.
+    extents : (na, ny, 2) int64, optional
+        First and end column of what every row holds, end 0 if nothing, where that is known.
     """
     inner = fields if fields.ndim == 3 else fields[:, GHOSTS:-GHOSTS]
     planes = inner.reshape(fields.shape[0], -1, *fields.shape[-2:])
-    if held is None:
-        held = np.ones((planes.shape[1], planes.shape[2] - 2 * GHOSTS), np.bool_)
-    # Rows that are not held are empty, and need no leaving out here.
-    largest = float(planes[DENSITY, :, GHOSTS:-GHOSTS, GHOSTS:-GHOSTS].max())
-    return _largest_jump(planes, held, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
+    if extents is None:
+        ny, nx = (n - 2 * GHOSTS for n in planes.shape[2:])
+        extents = np.broadcast_to(np.array([0, nx]), (planes.shape[1], ny, 2)).copy()
+    largest = _densest(planes, extents)
+    return _largest_jump(planes, extents, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
 
 
 class CrossingDetector:
@@ -149,12 +182,12 @@ class CrossingDetector:
         return {"crossing_time": self.time} if np.isfinite(self.time) else {}
 
     def look(
-        self, fields: Floats, cell: float, now: float, held: NDArray[np.bool_] | None = None
+        self, fields: Floats, cell: float, now: float, extents: Indices | None = None
     ) -> None:
         """Take notice of the fields at the time `now`; see `largest_compression`."""
         if np.isfinite(self.memory[_CROSSED]):
             return
-        compression = largest_compression(fields, cell, held)
+        compression = largest_compression(fields, cell, extents)
         if compression <= self._damping:
             return
         grows = compression >= self.memory[_STRONGEST]

@@ -39,9 +39,15 @@ def test_compression_of_a_linear_velocity_is_its_slope(axis: int) -> None:
     ghost, empty = np.full_like(fields, 7.0), np.zeros_like(fields)
     stacked = np.stack([ghost, ghost, empty, fields, ghost, ghost], axis=1)
     assert largest_compression(stacked, H) == pytest.approx(1.0, rel=1e-12)
-    held = np.array([[False], [True]]) & np.ones(24, np.bool_)
-    assert largest_compression(stacked, H, held) == pytest.approx(1.0, rel=1e-12)
-    assert largest_compression(stacked, H, ~held) == 0.0
+    extents = np.zeros((2, 24, 2), np.int64)
+    extents[1] = 0, 24
+    assert largest_compression(stacked, H, extents) == pytest.approx(1.0, rel=1e-12)
+    assert largest_compression(stacked, H, extents[::-1].copy()) == 0.0
+    # Columns that hold no mass need not be looked at.
+    held = interior(fields)[0] > 0.0
+    extents[1, :, 0], extents[1, :, 1] = held.argmax(axis=1), 24 - held[:, ::-1].argmax(axis=1)
+    extents[1, ~held.any(axis=1)] = 24, 0
+    assert largest_compression(stacked, H, extents) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_expansion_and_vacuum_are_no_compression() -> None:

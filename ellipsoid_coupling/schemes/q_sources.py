@@ -121,50 +121,47 @@ def shorter(steps: Steps) -> tuple[float, int]:
 
 
 @view_kernel
-def _shortest_step(
+def _raise_speeds(
     fields: Floats,
     at: tuple[int, int, int],
-    out: Floats,
+    drift: Floats,
     rates: Floats,
-    distances: Floats | None,
-    how: tuple[float, bool],
-    shortest: Floats,
+    limits: tuple[Floats, float, bool],
+    inverse: Floats,
+    peaks: Floats,
 ) -> None:
-    """The smallest dt of a row with dt (|v| + sound + |F - Gamma v| dt/2) = distance.
+    """Raise `peaks` (3 or 2, nx) to distance/dt for the largest dt of every cell of a run.
 
-    Where damping holds velocities, dt (|v| + sound + |F/Gamma - v|) = distance if that is longer.
+    dt (|v| + sound + |F - Gamma v| dt/2) = distance, so that with s = |v| + sound, a = |F - Gamma v|
 
-    how : sound and damped of `Limits`.
-    out : F and F_bar of the row; overwritten with the step of every cell.
-    shortest : (2,) overwritten, for space and for the angle.
+        distance/dt = (s + sqrt(s^2 + 2 a distance))/2, or s + a/Gamma where damping holds velocities
+
+    and that is less. Not finite counts as infinite, so that the caller notices.
+
+    limits : distances, sound and damped of `Limits`.
+    drift : F and F_bar of the run. inverse : room for a run.
     """
-    sound, damped = how
-    shortest[:] = np.inf
-    if distances is None:
-        return
+    distances, sound, damped = limits
     a, j, begin = at
-    width = out.shape[1]
+    width = drift.shape[1]
     q = fields[Q, a, j, begin : begin + width]
+    for i in range(width):
+        # Vacuum is what is not more than 0, so that NaN is none and shows.
+        inverse[i] = 0.0 if q[i] <= 0.0 else 1.0 / q[i]
     for d in range(distances.size):
-        momentum = fields[QVX + d, a, j, begin : begin + width]
-        rate, distance, steps = rates[d], distances[d], out[d]
+        momentum, pull, peak = fields[QVX + d, a, j, begin : begin + width], drift[d], peaks[d]
+        rate, distance = rates[d], distances[d]
+        holds = damped and rate > 0.0
+        stay = 1.0 / rate if holds else 0.0
         for i in range(width):
-            # Vacuum is what is not more than 0, so that NaN is none and shows.
-            v = 0.0 if q[i] <= 0.0 else momentum[i] / q[i]
-            pull = 0.0 if q[i] <= 0.0 else abs(steps[i] - rate * v)
-            speed = 0.0 if q[i] <= 0.0 else abs(v) + sound
-            root = speed + math.sqrt(speed * speed + 2.0 * pull * distance)
-            step = 2.0 * distance / root
-            held = speed + pull / rate if damped and rate > 0.0 else np.inf
-            step = max(step, distance / held) if held > 0.0 else step
-            # Not finite counts as a step of length 0, so that the caller notices.
-            known = step >= 0.0
-            steps[i] = step if known else 0.0
-        kind = 1 if d == 2 else 0
-        least = shortest[kind]
-        for i in range(width):
-            least = min(least, steps[i])
-        shortest[kind] = least
+            v = momentum[i] * inverse[i]
+            change = abs(pull[i] - rate * v)
+            speed = abs(v) + sound
+            free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * distance))
+            held = speed + change * stay if holds else np.inf
+            needed = free if free <= held else held
+            known = needed if needed < np.inf else np.inf
+            peak[i] = max(peak[i], 0.0 if inverse[i] == 0.0 else known)
 
 
 @parallel_kernel
@@ -174,20 +171,21 @@ def _relax(
     terms: CellTerms,
     forces: AngleForces | None,
     change: tuple[float, float, float, float],
-    distances: Floats | None,
-    how: tuple[float, bool],
-) -> Steps:
+    limits: tuple[Floats, float, bool] | None,
+) -> Floats:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
-    change : decay and gain of v, then of omega. Returns the steps that the new velocities allow.
+    change : decay and gain of v, then of omega. Returns distance/dt of the steps that the new
+    velocities allow, (directions,), see `_raise_speeds`.
     """
     components, rows = fields.shape[0] - 1, extents.shape[1]
     lines = extents.shape[0] * rows
-    shortest = np.full((lines, 2), np.inf)
     rates = np.array([terms.damping, terms.damping, terms.angular_damping])
     tasks = min(lines, _TASKS)
+    speeds = np.zeros((tasks, components))
     for task in numba.prange(tasks):
-        room = np.empty(components * fields.shape[3])
+        room, inverse = np.empty(components * fields.shape[3]), np.empty(fields.shape[3])
+        peaks = np.zeros((components, fields.shape[3]))
         # Every so manyth line: mass is in some of the angles, and all threads shall have a share.
         for line in range(task, lines, tasks):
             a, j = line // rows, line % rows
@@ -195,13 +193,20 @@ def _relax(
             width = extents[a, j, 1] - first
             if width > 0:
                 # Rows right after one another: loops over contiguous arrays vectorise.
-                out = room[: components * width].reshape(components, width)
+                drift = room[: components * width].reshape(components, width)
                 angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
-                _accelerate(terms, forces, (a, j, first), angle, out)
+                _accelerate(terms, forces, (a, j, first), angle, drift)
                 at = a + GHOSTS, j + GHOSTS, first + GHOSTS
-                _kick_row(fields, at, out, change)
-                _shortest_step(fields, at, out, rates, distances, how, shortest[line])
-    return shortest[:, 0].min(), shortest[:, 1].min()
+                _kick_row(fields, at, drift, change)
+                if limits is not None:
+                    _raise_speeds(fields, at, drift, rates, limits, inverse, peaks)
+        for d in range(components):
+            speeds[task, d] = peaks[d].max()
+    fastest = np.zeros(components)
+    for task in range(tasks):
+        for d in range(components):
+            fastest[d] = max(fastest[d], speeds[task, d])
+    return fastest
 
 
 @view_kernel
@@ -230,10 +235,14 @@ def _relaxed(
     change: tuple[float, float, float, float],
     limits: Limits | None,
 ) -> Steps:
+    here = fields, extents, terms, forces, change
     if limits is None:
-        return _relax(fields, extents, terms, forces, change, None, (0.0, False))
-    how = limits.sound, limits.damped
-    return _relax(fields, extents, terms, forces, change, limits.distances, how)
+        _relax(*here, None)
+        return math.inf, math.inf
+    fastest = _relax(*here, (limits.distances, limits.sound, limits.damped))
+    pairs = zip(limits.distances, fastest[: limits.distances.size], strict=True)
+    allowed = [float(far / speed) if speed > 0.0 else math.inf for far, speed in pairs]
+    return min(allowed[:2]), min(allowed[2:], default=math.inf)
 
 
 def kick_exactly(

@@ -45,11 +45,11 @@ def transport(
     """
     components, *padded = fields.shape
     normal = NORMAL[axis]
+    extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
     if axis == -3:
         fill_periodic(fields, 1)
-    else:
+    elif _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
         fill_ghosts(fields, axis + 4, reflecting, normal)
-    extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
     row, plane = padded[2], padded[1] * padded[2]
     stride = {-1: 1, -2: row, -3: plane}[axis]
     runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
@@ -59,6 +59,15 @@ def transport(
         if left is not None and axis != -3 and not reflecting:
             left += gone
     return extents
+
+
+def _reach_edge(extents: Extents, columns: int, axis: int) -> bool:
+    """Whether a sweep of `extents` along an axis looks at a ghost, two cells beyond what it moves."""
+    if axis == -1:
+        first, end = extents[..., 0].min(), extents[..., 1].max()
+        return bool(first < GHOSTS or end > columns - GHOSTS)
+    held = extents[..., 1] > 0
+    return bool(held[:, :GHOSTS].any() or held[:, -GHOSTS:].any())
 
 
 def row_runs(extents: Extents, row: int, plane: int) -> Runs:

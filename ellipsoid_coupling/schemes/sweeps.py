@@ -43,6 +43,8 @@ _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
 _WORK_ROWS = 5
 # Numbers in a line of the cache.
 _CACHE_LINE = 8
+# Cells between two rows from which on the second one is fetched.
+_FAR = 16
 # Runs that a thread takes at a time, at the most: they differ in length.
 _CHUNK = 16
 
@@ -140,6 +142,9 @@ def _sweep_rows(
         moved = _Exchange(up, down, up, down, (1, 1, 0, 2))
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
             here = Span(starts[row] - 1, counts[row] + 2, 1, normal)
+            # Where the next row does not follow at once, the processor does not read on by itself.
+            if row + 1 < starts.size and starts[row + 1] - starts[row] > counts[row] + _FAR:
+                _fetch(fields, (0, components), starts[row + 1] - 2, counts[row + 1] + 4)
             gone[row] = _sweep_row(flux, fields, here, ratio, moved, inverses, work)
 
 

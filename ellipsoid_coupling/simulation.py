@@ -274,6 +274,9 @@ def _digest(flow: FlowField) -> str:
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
     names = snapshots[0].keys()
+    if len(snapshots) == 1:
+        # As it is: to copy large fields takes as long as a step.
+        return {name: snapshots[0][name][None][:count] for name in names}
     return {name: np.stack([s[name] for s in snapshots])[:count] for name in names}
 
 

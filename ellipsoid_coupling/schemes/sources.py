@@ -255,26 +255,56 @@ def _implicit_spin(
     return new
 
 
+# Rows are dealt out in so many tasks at most, each with peaks of its own.
+_TASKS = 64
+
+
+@view_kernel
+def _raise_to(carried: Floats, inverse: Floats, peaks: Floats) -> None:
+    """Raise `peaks` to the magnitude of carried * inverse; what is not finite counts as infinite."""
+    for i in range(peaks.size):
+        size = abs(carried[i] * inverse[i])
+        peaks[i] = max(peaks[i], size if size < np.inf else np.inf)
+
+
+@view_kernel
+def _invert(density: Floats, inverse: Floats) -> None:
+    """1/rho, 0 in vacuum; written so that NaN is no vacuum."""
+    for i in range(inverse.size):
+        inverse[i] = 0.0 if density[i] <= 0.0 else 1.0 / density[i]
+
+
 @parallel_kernel
 def largest_rates(fields: Floats) -> tuple[float, float]:
-    """The largest |v_x| or |v_y| and the largest |omega| of all cells that are not vacuum."""
-    speeds = np.zeros((fields.shape[1] - 2 * GHOSTS, 2))
-    for j in numba.prange(speeds.shape[0]):
-        density, x, y = (
-            _row(fields, RHO, j),
-            _row(fields, MOMENTUM_X, j),
-            _row(fields, MOMENTUM_Y, j),
-        )
-        spins = _row(fields, SPIN, j) if fields.shape[0] == 5 else x[:0]
-        fastest, turning = 0.0, 0.0
-        for i in range(density.size):
-            if density[i] > 0.0:
-                share = 1.0 / density[i]
-                largest = max(abs(x[i]), abs(y[i]))
-                fastest = max(fastest, largest * share)
-                if spins.size > 0:
-                    turning = max(turning, abs(spins[i]) * share)
-                if not math.isfinite(largest):
-                    fastest = np.inf
-        speeds[j, 0], speeds[j, 1] = fastest, turning
-    return speeds[:, 0].max(), speeds[:, 1].max()
+    """The largest |v_x| or |v_y| and the largest |omega| of all cells that are not vacuum.
+
+    Infinite where one of them is not finite.
+    """
+    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
+    tasks = min(rows, _TASKS)
+    largest = np.zeros((tasks, 2))
+    for task in numba.prange(tasks):
+        peaks, inverse = np.zeros((2, columns)), np.empty(columns)
+        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
+            _invert(_row(fields, RHO, j), inverse)
+            _raise_to(_row(fields, MOMENTUM_X, j), inverse, peaks[0])
+            _raise_to(_row(fields, MOMENTUM_Y, j), inverse, peaks[0])
+            if fields.shape[0] == 5:
+                _raise_to(_row(fields, SPIN, j), inverse, peaks[1])
+        largest[task, 0], largest[task, 1] = peaks[0].max(), peaks[1].max()
+    return largest[:, 0].max(), largest[:, 1].max()
+
+
+@parallel_kernel
+def largest_drift(drift: Floats) -> tuple[float, float]:
+    """The largest |F_x| or |F_y| and the largest |F_bar|; infinite where one is not finite."""
+    rows, columns = drift.shape[1:]
+    tasks = min(rows, _TASKS)
+    largest = np.zeros((tasks, 2))
+    for task in numba.prange(tasks):
+        peaks, one = np.zeros((2, columns)), np.ones(columns)
+        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
+            for d in range(drift.shape[0]):
+                _raise_to(drift[d, j], one, peaks[1 if d == 2 else 0])
+        largest[task, 0], largest[task, 1] = peaks[0].max(), peaks[1].max()
+    return largest[:, 0].max(), largest[:, 1].max()

@@ -16,13 +16,13 @@ from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.sources import (
     CellTerms,
     kick_exactly,
+    largest_drift,
     largest_rates,
     step_implicitly,
     turn,
 )
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
 from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
-from ellipsoid_coupling.schemes.survey import largest_magnitude
 
 Floats = NDArray[np.float64]
 
@@ -76,9 +76,10 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root != 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, speed: float, cfl: float) -> tuple[float, int]:
-    """As long as nothing flies further than cfl cells; `speed` is the largest one now."""
-    force = largest_magnitude(equation.drift[:2])
+def _cfl_step(
+    equation: SplitEquation, speed: float, force: float, cfl: float
+) -> tuple[float, int]:
+    """As long as nothing flies further than cfl cells; `speed` and `force` are the largest now."""
     distance = cfl * equation.cell
     dt = _longest(speed, force, equation.terms.damping, distance)
     return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
@@ -109,7 +110,7 @@ class GodunovSplitting:
         distance = cfl * equation.cell
         if speed > 0.0:
             return _step_for(speed, 0.0, distance), CFL_NUMBER
-        return _cfl_step(equation, speed, cfl)
+        return _cfl_step(equation, speed, largest_drift(equation.drift)[0], cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -133,9 +134,9 @@ class KickDriftKick:
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         speed, spin = largest_rates(equation.fields)
-        torque = largest_magnitude(equation.drift[2:])
+        force, torque = largest_drift(equation.drift)
         turning = _longest(spin, torque, equation.terms.angular_damping, _LARGEST_TURN)
-        return min(_cfl_step(equation, speed, cfl), (turning, ROTATION))
+        return min(_cfl_step(equation, speed, force, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred.

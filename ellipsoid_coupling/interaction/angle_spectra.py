@@ -147,7 +147,9 @@ class AngleKernels:
         shape = self._block_shape(padded, n)
         # Room for the longest ones, which costs nothing before it is used, and is used again.
         longest = math.prod(self._block_shape(self._ladder.longest, n))
-        room = np.empty(longest, self._precision) if former is None else np.asarray(former.blocks.base)
+        room = (
+            np.empty(longest, self._precision) if former is None else np.asarray(former.blocks.base)
+        )
         blocks: Real = np.reshape(room[: math.prod(shape)], shape)
         _transform(self._samples, padded, self.odd, blocks)
         return AngleSpectra(blocks, padded)
@@ -220,7 +222,7 @@ def _add_columns(samples: Array, along: Array, room: Array, parts: Array) -> Non
 
 @view_kernel
 def _add_parts(rows: Array, weights: Array, total: Array) -> None:
-    """total = sum_j weights[0, j] rows[0, j, :] + weights[1, j] rows[1, j, :]."""
+    """Set total to sum_j weights[0, j] rows[0, j, :] + weights[1, j] rows[1, j, :]."""
     total[:] = 0.0
     for j in range(rows.shape[1]):
         first, second = weights[0, j], weights[1, j]

@@ -181,9 +181,7 @@ class CrossingDetector:
         """The crossing time for a model's `counts`; empty where characteristics have not crossed."""
         return {"crossing_time": self.time} if np.isfinite(self.time) else {}
 
-    def look(
-        self, fields: Floats, cell: float, now: float, extents: Indices | None = None
-    ) -> None:
+    def look(self, fields: Floats, cell: float, now: float, extents: Indices | None = None) -> None:
         """Take notice of the fields at the time `now`; see `largest_compression`."""
         if np.isfinite(self.memory[_CROSSED]):
             return

@@ -159,9 +159,12 @@ def _raise_speeds(
             speed = abs(v) + sound
             free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * distance))
             held = speed + change * stay if holds else np.inf
-            needed = free if free <= held else held
-            known = needed if needed < np.inf else np.inf
-            peak[i] = max(peak[i], 0.0 if inverse[i] == 0.0 else known)
+            # Comparisons that are false for NaN.
+            freely = free <= held
+            needed = free if freely else held
+            known = needed < np.inf
+            needed = needed if known else np.inf
+            peak[i] = max(peak[i], 0.0 if inverse[i] == 0.0 else needed)
 
 
 @parallel_kernel

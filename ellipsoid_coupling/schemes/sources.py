@@ -264,7 +264,8 @@ def _raise_to(carried: Floats, inverse: Floats, peaks: Floats) -> None:
     """Raise `peaks` to the magnitude of carried * inverse; what is not finite counts as infinite."""
     for i in range(peaks.size):
         size = abs(carried[i] * inverse[i])
-        peaks[i] = max(peaks[i], size if size < np.inf else np.inf)
+        known = size < np.inf
+        peaks[i] = max(peaks[i], size if known else np.inf)
 
 
 @view_kernel

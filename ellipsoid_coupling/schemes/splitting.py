@@ -76,9 +76,7 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root != 0.0 else np.inf
 
 
-def _cfl_step(
-    equation: SplitEquation, speed: float, force: float, cfl: float
-) -> tuple[float, int]:
+def _cfl_step(equation: SplitEquation, speed: float, force: float, cfl: float) -> tuple[float, int]:
     """As long as nothing flies further than cfl cells; `speed` and `force` are the largest now."""
     distance = cfl * equation.cell
     dt = _longest(speed, force, equation.terms.damping, distance)

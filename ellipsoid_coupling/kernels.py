@@ -141,6 +141,9 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
             task(k)
 
     helpers = min(numba.get_num_threads(), count) - 1
+    if helpers < 1:
+        work()
+        return
     jobs = [_threads(helpers).submit(work) for _ in range(helpers)]
     try:
         work()

@@ -23,14 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction.cells import Sources
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
-from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
-from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
@@ -47,7 +42,7 @@ from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER, over_blocks
+from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces, over_blocks
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -62,17 +57,25 @@ Floats = NDArray[np.float64]
 
 # Without noise a call of `advance` may take any number of steps; a few show progress often enough.
 _STEPS_PER_CALL = 4
+# A block costs as much besides as some fifty of its samples; this many fit into cache.
+_BLOCK = 1024
 # How far beyond an open domain samples interact, in ranges of the potential.
 _RANGES_BEYOND = 2.0
 
 
 def even_points(scene: Scene, samples: int) -> Floats:
-    """Midpoints of side x side equal parts of the start box, row by row: (side, 2, side)."""
+    """Midpoints of side x side equal parts of the start box, row by row: (K, 2, B).
+
+    Some rows are a block, of `_BLOCK` samples at most unless a row is longer.
+    """
     side = max(1, round(np.sqrt(samples)))
     part = (np.arange(side) + 0.5) / side
     x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
     y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
-    return np.stack(np.meshgrid(x, y), axis=1)
+    fitting = [rows for rows in range(1, side) if side % rows == 0 and rows * side <= _BLOCK]
+    blocks = side // max(fitting, default=1)
+    points = np.stack(np.meshgrid(x, y)).reshape(2, blocks, -1)
+    return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
 def start_state(setup: Setup) -> ParticleState:
@@ -85,27 +88,6 @@ def start_state(setup: Setup) -> ParticleState:
     place, velocity = start_at_rest(setup, points)
     clock = new_clock(1, scene.numerics.time_step, GIVEN)
     return ParticleState(place, velocity, velocity.copy(), clock, None)
-
-
-@kernel
-def _add_ghosts(ghosts: Sources | None, pairs: Pairs | None, place: Floats, force: Floats) -> None:
-    if ghosts is not None and pairs is not None:
-        add_ghost_forces(place, ghosts, pairs, force)
-
-
-@kernel
-def _own_forces(
-    drift: Drift,
-    walls: tuple[Sources | None, Pairs | None],
-    place: Floats,
-    force: Floats,
-    outside: NDArray[np.int64],
-    blocks: tuple[int, int],
-) -> None:
-    """Everything but the samples' interaction; how many lie outside the flow, block by block."""
-    for k in range(blocks[0], blocks[1]):
-        outside[k] = particle_forces(drift, place[k], force[k])
-        _add_ghosts(walls[0], walls[1], place[k], force[k])
 
 
 def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePairs | None:
@@ -137,8 +119,6 @@ class McKeanVlasov:
         self._setup = setup
         self._stepper = TOGETHER[setup.scheme]
         drift = scene_drift(setup)
-        self._drift = drift._replace(pairs=None)
-        self._walls = self._ghosts(drift.pairs)
         particles = setup.scene.particles
         self._weights = (1.0 / particles.mass, 1.0 / particles.inertia)
         self._rates = scene_rates(setup)
@@ -146,36 +126,28 @@ class McKeanVlasov:
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
         self._interaction = _scene_samples(setup.scene, samples)
+        # Walls act by ghosts of the pairs that particles would make.
+        pairs = drift.pairs if drift.pairs is not None and drift.pairs.ghosts is not None else None
+        ghosts = None if pairs is None else pairs.ghosts
+        alone = Alone(drift._replace(pairs=None), ghosts, pairs)
+        self._forces = Forces(alone, None if self._interaction is None else self._interact)
         self._blocks = np.zeros(1, np.int64)
-
-    @staticmethod
-    def _ghosts(pairs: Pairs | None) -> tuple[Sources | None, Pairs | None]:
-        if pairs is None or pairs.ghosts is None:
-            return None, None
-        return pairs.ghosts, pairs
 
     @property
     def time(self) -> float:
         """The time that all samples have reached."""
         return float(self._state.clock[0, TIME])
 
-    def set_forces(self, place: Floats, force: Floats) -> int:
-        """Overwrite the drift (K, D, B) at `place`; returns how many samples lie outside the flow."""
-        outside = np.zeros(place.shape[0], np.int64)
-        drift, walls = self._drift, self._walls
-        over_blocks(
-            place,
-            lambda a, b: _own_forces(drift, walls, place, force, outside, (a, b)),
-        )
+    def _interact(self, place: Floats, force: Floats) -> int:
         if self._interaction is not None:
             self._interaction.add_forces(place, self._weights, force)
-        return int(outside.sum())
+        return 0
 
     def advance(self, until: float) -> None:
         """A few steps of all samples; as many as there is noise for in one block of it."""
         state = self._state._replace(noise=self._draw_noise())
         steps = _STEPS_PER_CALL if state.noise is None else STEPS_PER_BLOCK
-        self._stepper.advance(state, self.set_forces, self._rates, self._limits, until, steps)
+        self._stepper.advance(state, self._forces, self._rates, self._limits, until, steps)
         self._check()
 
     def _draw_noise(self) -> Floats | None:

@@ -30,7 +30,7 @@ from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER
+from ellipsoid_coupling.schemes.particles.together import TOGETHER, Forces
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -94,8 +94,8 @@ class Microscopic:
             self._stepper.advance(state, self._drift, rates, limits, until, _STEPS_PER_CALL)
         else:
             together = TOGETHER[self._setup.scheme]
+            forces = Forces(None, self._large.set_forces)
             for k in range(state.place.shape[0]):
-                forces = self._large.set_forces
                 together.advance(one_of(state, k), forces, rates, limits, until, _STEPS_PER_CALL)
         self._check()
 

@@ -92,7 +92,7 @@ def phi_functions(z: float) -> tuple[float, float, float]:
         return phi1, phi2, (0.5 - phi2) / z
     phi3 = 0.0
     for k in range(16, 2, -1):  # sum over k of (-z)^(k-3) / k!, by Horner's rule
-        phi3 = 1.0 - z * phi3 / (k + 1.0)
+        phi3 = 1.0 - z / (k + 1.0) * phi3  # quotients do not wait for one another
     phi3 /= 6.0
     phi2 = 0.5 - z * phi3
     return 1.0 - z * phi2, phi2, phi3
@@ -119,13 +119,14 @@ def linear_step(damping: float, noise: float, dt: float) -> LinearStep:
     """Coefficients of the exact linear step of length dt; see the module for phi3 with noise."""
     z = damping * dt
     phi1, phi2, phi3 = phi_functions(z)
+    spread, shared, own = 0.0, 0.0, 0.0
     if noise > 0.0:
         phi3 *= z * phi1
-    velocity_variance = noise * noise * dt * phi_functions(2.0 * z)[0]
-    covariance = 0.5 * (noise * dt * phi1) ** 2
-    spread = noise * math.sqrt(dt**3 * place_variance(z))
-    shared = covariance / spread if spread > 0.0 else 0.0
-    own = math.sqrt(max(velocity_variance - shared * shared, 0.0))
+        velocity_variance = noise * noise * dt * phi_functions(2.0 * z)[0]
+        covariance = 0.5 * (noise * dt * phi1) ** 2
+        spread = noise * math.sqrt(dt**3 * place_variance(z))
+        shared = covariance / spread if spread > 0.0 else 0.0
+        own = math.sqrt(max(velocity_variance - shared * shared, 0.0))
     return LinearStep(
         math.exp(-z),
         dt * phi1,

@@ -2,8 +2,10 @@
 
 The force on a sample is that of all samples' density at the same time, so that blocks of samples (the
 realisations of the microscopic model) cannot run ahead of one another. Each step is cut into the
-parts of `leapfrog` and `exponential`, with one evaluation of the force on all samples in between.
-Steps and noise are otherwise those of `microscopic`: one block without interaction gives its bits.
+parts of `leapfrog` and `exponential`, with one evaluation of the force on all samples in between;
+what acts on each sample by itself is evaluated block by block with the rest of the step, while the
+block is in cache. Steps and noise are otherwise those of `microscopic`: one block without interaction
+gives its bits.
 """
 
 from __future__ import annotations
@@ -14,6 +16,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.interaction.cells import Sources
+from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
+from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.kernels import for_each, kernel, shares
 from ellipsoid_coupling.schemes.particles import exponential, leapfrog
 from ellipsoid_coupling.schemes.particles.exponential import (
@@ -39,25 +45,50 @@ from ellipsoid_coupling.schemes.step_control import (
 )
 
 Floats = NDArray[np.float64]
-SetForces = Callable[[Floats, Floats], int]
+Indices = NDArray[np.int64]
 
 # Blocks are handed to the threads in this many tasks at most, each of so many samples at least: fewer
-# take no longer than handing them out does.
+# take no longer than handing them out does. Steps in a drift that is known take less than drifts do.
 _TASKS = 32
-_LEAST_PER_TASK = 4000
+_LEAST_DRIFTS, _LEAST_STEPS = 4000, 16_000
+
+
+class Alone(NamedTuple):
+    """What acts on each sample by itself; None where the scene does not have it.
+
+    drift : without pairs; ghosts, pairs : ghost particles of walls, and the pairs they make.
+    """
+
+    drift: Drift
+    ghosts: Sources | None
+    pairs: Pairs | None
+
+
+class Forces(NamedTuple):
+    """The drift of all samples.
+
+    Attributes
+    ----------
+    alone : Alone or None
+    together : (place, force) -> int, or None
+        Adds what they do to each other to the drift (K, D, B) at `place`; overwrites it where `alone`
+        is None. Returns how many samples it finds outside the flow. None without interaction.
+    """
+
+    alone: Alone | None
+    together: Callable[[Floats, Floats], int] | None
 
 
 class Stepper(Protocol):
     """Moves all samples by at most `steps` steps, in place and never beyond `until`.
 
-    `set_forces(place, force)` overwrites the drift (K, D, B) at `place` and returns how many samples
-    lie outside the flow; the state's clock has one row.
+    The state's clock has one row.
     """
 
     def __call__(
         self,
         state: ParticleState,
-        set_forces: SetForces,
+        forces: Forces,
         rates: Rates,
         limits: Limits,
         until: float,
@@ -75,11 +106,52 @@ class Together(NamedTuple):
     noise_per_step: int
 
 
-def over_blocks(place: Floats, task: Callable[[int, int], None]) -> None:
-    """Run task(first, end) on parts of the range of blocks of `place`, which together are all of it."""
+def over_blocks(
+    place: Floats, task: Callable[[int, int], None], least: int = _LEAST_DRIFTS
+) -> None:
+    """Run task(first, end) on parts of the range of blocks of `place`, which together are all of it.
+
+    Parts hold `least` samples at least.
+    """
     blocks, _, size = place.shape
-    parts = shares(blocks, min(_TASKS, max(1, blocks * size // _LEAST_PER_TASK)))
+    parts = shares(blocks, min(_TASKS, max(1, blocks * size // least)))
     for_each(len(parts), lambda k: task(*parts[k]))
+
+
+@kernel
+def _set_alone(alone: Alone | None, place: Floats, force: Floats) -> int:
+    """Overwrite the drift (D, B) of one block; returns how many samples lie outside the flow."""
+    if alone is None:
+        return 0
+    outside = particle_forces(alone.drift, place, force)
+    _add_ghosts(alone.ghosts, alone.pairs, place, force)
+    return outside
+
+
+@kernel
+def _add_ghosts(ghosts: Sources | None, pairs: Pairs | None, place: Floats, force: Floats) -> None:
+    if ghosts is not None and pairs is not None:
+        add_ghost_forces(place, ghosts, pairs, force)
+
+
+@kernel
+def _set_blocks(
+    alone: Alone | None, place: Floats, force: Floats, outside: Indices, blocks: tuple[int, int]
+) -> None:
+    for k in range(blocks[0], blocks[1]):
+        outside[k] = _set_alone(alone, place[k], force[k])
+
+
+def set_forces(forces: Forces, place: Floats, force: Floats) -> int:
+    """Set the drift (K, D, B) at `place`; returns how many samples lie outside the flow."""
+    outside = np.zeros(place.shape[0], np.int64)
+    if forces.alone is not None:
+        over_blocks(place, lambda a, b: _set_blocks(forces.alone, place, force, outside, (a, b)))
+    return int(outside.sum()) + _add_together(forces, place, force)
+
+
+def _add_together(forces: Forces, place: Floats, force: Floats) -> int:
+    return 0 if forces.together is None else forces.together(place, force)
 
 
 @kernel
@@ -109,10 +181,17 @@ def _predict(
     limits: Limits,
     trial: Trial,
     dt: float,
+    alone: Alone | None,
+    outside: Indices,
+    squares: Floats | None,
 ) -> None:
+    """Predictions and what acts on each sample there by itself; errors too, if that is all."""
     for k in range(blocks[0], blocks[1]):
-        noise = noise_rows(state.noise, k, step)
-        predict_step(state, k, noise, rates, limits, _trial_of(trial, k), dt)
+        noise, here = noise_rows(state.noise, k, step), _trial_of(trial, k)
+        predict_step(state, k, noise, rates, limits, here, dt)
+        outside[k] = _set_alone(alone, here.folded, here.force)
+        if squares is not None:
+            squared_errors(state, k, rates, limits, here, dt, squares[k])
 
 
 @kernel
@@ -155,12 +234,12 @@ def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt:
     def move(first: int, end: int) -> None:
         _move(state, (first, end), step, rates, limits, dt)
 
-    over_blocks(state.place, move)
+    over_blocks(state.place, move, _LEAST_STEPS)
 
 
 def advance_leapfrog(
     state: ParticleState,
-    set_forces: SetForces,
+    forces: Forces,
     rates: Rates,
     limits: Limits,
     until: float,
@@ -173,7 +252,7 @@ def advance_leapfrog(
         if remaining <= 0.0 or clock[STATUS] != RUNNING:
             return
         dt = equal_steps(remaining, limits.step)
-        clock[OUTSIDE] = set_forces(state.place, state.force)
+        clock[OUTSIDE] = set_forces(forces, state.place, state.force)
         _move_all(state, step, rates, limits, dt)
         accept(clock, until, dt, limits.step, GIVEN)
         _check_finite(state)
@@ -182,25 +261,28 @@ def advance_leapfrog(
 class _Exponential:
     """One call of the scheme `accurate`: its work arrays and the parts of a step."""
 
-    def __init__(
-        self, state: ParticleState, set_forces: SetForces, rates: Rates, limits: Limits
-    ) -> None:
-        self.state, self.set_forces, self.rates, self.limits = state, set_forces, rates, limits
+    def __init__(self, state: ParticleState, forces: Forces, rates: Rates, limits: Limits) -> None:
+        self.state, self.forces, self.rates, self.limits = state, forces, rates, limits
         shape = state.place.shape
-        self.trial = Trial(np.empty(shape), np.empty(shape), np.ones(shape), np.empty(shape))
+        # One array, since the system hands out large ones in large pages.
+        self.trial = Trial(*np.ones((len(Trial._fields), *shape)))
         self.squares = np.empty(shape[:2])
+        self.outside = np.zeros(shape[0], np.int64)
 
     def try_step(self, step: int, dt: float) -> tuple[float, int]:
         """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
         state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
-        place = state.place
-        over_blocks(place, lambda a, b: _predict(state, (a, b), step, rates, limits, trial, dt))
-        state.clock[0, OUTSIDE] = self.set_forces(trial.folded, trial.force)
-        over_blocks(
-            place,
-            lambda a, b: _measure(state, (a, b), rates, limits, trial, dt, self.squares),
-        )
-        return largest_error(self.squares.mean(axis=0), limits.tolerance)
+        place, forces, squares = state.place, self.forces, self.squares
+        common = rates, limits, trial, dt
+        last = squares if forces.together is None else None
+        own = forces.alone, self.outside, last
+        over_blocks(place, lambda a, b: _predict(state, (a, b), step, *common, *own))
+        outside = int(self.outside.sum())
+        if forces.together is not None:
+            outside += forces.together(trial.folded, trial.force)
+            over_blocks(place, lambda a, b: _measure(state, (a, b), *common, squares), _LEAST_STEPS)
+        state.clock[0, OUTSIDE] = outside
+        return largest_error(squares.mean(axis=0), limits.tolerance)
 
     def accept(self, step: int, dt: float) -> None:
         """Finish the step that was tried."""
@@ -208,12 +290,13 @@ class _Exponential:
         over_blocks(
             state.place,
             lambda a, b: _accept(state, (a, b), step, rates, limits, trial, dt),
+            _LEAST_STEPS,
         )
 
 
 def advance_exponential(
     state: ParticleState,
-    set_forces: SetForces,
+    forces: Forces,
     rates: Rates,
     limits: Limits,
     until: float,
@@ -221,9 +304,9 @@ def advance_exponential(
 ) -> None:
     """`Stepper` of the scheme `accurate`; the error estimate is the root mean square of all."""
     clock = state.clock[0]
-    parts = _Exponential(state, set_forces, rates, limits)
+    parts = _Exponential(state, forces, rates, limits)
     if clock[STEPS] == 0.0:
-        clock[OUTSIDE] = set_forces(state.place, state.force)
+        clock[OUTSIDE] = set_forces(forces, state.place, state.force)
     for step in range(steps):
         remaining = until - clock[TIME]
         if remaining <= 0.0 or clock[STATUS] != RUNNING:

@@ -17,7 +17,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.parts import scene_rates
 from ellipsoid_coupling.models.r_grid import RGridEquation
-from ellipsoid_coupling.schemes.creeping import CreepingEuler, CreepingHeun, mobilities, settle
+from ellipsoid_coupling.schemes.creeping import CreepingEuler, CreepingHeun
 
 
 class Diffusive(RGridEquation):
@@ -37,7 +37,6 @@ class Diffusive(RGridEquation):
         super().__init__(
             name, setup, CreepingEuler() if setup.scheme == "paper" else CreepingHeun()
         )
-        settle(self.fields, self.drift, mobilities(self.terms), 1.0, 0.0)
 
 
 def _require_damping(setup: Setup) -> None:

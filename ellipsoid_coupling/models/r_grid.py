@@ -98,7 +98,7 @@ class RGridEquation:
         # What a refused step gives back; new arrays in every step would cost as much as a sweep.
         arrays = (self.fields, self.drift, self._left) if splitting.refuses else ()
         self._kept = [np.empty_like(array) for array in arrays]
-        self.evaluate_drift()
+        splitting.start(self)
 
     @property
     def cell(self) -> float:
@@ -123,9 +123,10 @@ class RGridEquation:
 
     def evaluate_drift(self) -> None:
         """F and F_bar of the present fields, interaction and walls included."""
-        set_drift(self.fields, self.terms, self._forces(), self.drift)
+        set_drift(self.fields, self.terms, self.forces(), self.drift)
 
-    def _forces(self) -> Forces | None:
+    def forces(self) -> Forces | None:
+        """Interaction and walls at the present fields; None without interaction."""
         if self._interaction is None:
             return None
         density = np.ascontiguousarray(interior(self.fields)[RHO])
@@ -205,6 +206,7 @@ class RGridEquation:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+        self._splitting.restore(self)
 
     def spot(self) -> Spot:
         """The cell where the drift is strongest."""

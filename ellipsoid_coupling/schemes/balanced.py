@@ -38,8 +38,9 @@ from ellipsoid_coupling.schemes.fluxes.contract import run_of
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
-from ellipsoid_coupling.schemes.q_sources import accelerations, exact_gain, largest_step, shorter
+from ellipsoid_coupling.schemes.q_sources import accelerations, largest_step, shorter
 from ellipsoid_coupling.schemes.q_splitting import QSystem
+from ellipsoid_coupling.schemes.sources import exact_gain
 
 Floats = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from ellipsoid_coupling.schemes.sources import (
     SPIN,
     CellTerms,
     angular_rate,
-    largest_rates,
+    extremes,
     turn,
 )
 from ellipsoid_coupling.schemes.splitting import SplitEquation
@@ -114,7 +114,7 @@ def mobilities(terms: CellTerms) -> tuple[float, float]:
 
 def _flight_time(fields: Floats, distance: float) -> tuple[float, int]:
     """The dt in which nothing flies further than `distance` or turns beyond the largest turn."""
-    speed, spin = largest_rates(fields)
+    speed, spin = extremes(fields, None)[:2]
     return min(
         (distance / speed if speed > 0.0 else np.inf, CFL_NUMBER),
         (_LARGEST_TURN / spin if spin > 0.0 else np.inf, ROTATION),
@@ -129,6 +129,14 @@ class CreepingEuler:
 
     def __init__(self) -> None:
         self._flux = Force(0.0)
+
+    def start(self, equation: SplitEquation) -> None:
+        """Set the drift and the velocity that follows from it."""
+        equation.evaluate_drift()
+        settle(equation.fields, equation.drift, mobilities(equation.terms), 1.0, 0.0)
+
+    def restore(self, equation: SplitEquation) -> None:
+        """Nothing is kept."""
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
@@ -163,6 +171,14 @@ class CreepingHeun:
     def __init__(self) -> None:
         self._flux = Ballistic()
 
+    def start(self, equation: SplitEquation) -> None:
+        """Set the drift and the velocity that follows from it."""
+        equation.evaluate_drift()
+        settle(equation.fields, equation.drift, mobilities(equation.terms), 1.0, 0.0)
+
+    def restore(self, equation: SplitEquation) -> None:
+        """Nothing is kept."""
+
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         return _flight_time(equation.fields, cfl * equation.cell)
@@ -174,7 +190,7 @@ class CreepingHeun:
         self._fly(equation, axes, dt)
         equation.evaluate_drift()
         settle(fields, equation.drift, sigma, 0.5, 0.5)
-        speed, spin = largest_rates(fields)
+        speed, spin = extremes(fields, None)[:2]
         if not max(speed / equation.cell, spin) * dt <= _LARGEST_CORRECTION:
             return False
         self._fly(equation, axes[::-1], dt)

@@ -38,33 +38,6 @@ _TASKS = 64
 
 
 @view_kernel
-def _raise_to(fields: Floats, at: tuple[int, int, int], width: int, peaks: Floats) -> None:
-    """Raise `peaks` to the density of a run of cells from `at` (plane, y, x) along x on."""
-    density = fields[DENSITY, at[0], at[1], at[2] : at[2] + width]
-    for i in range(width):
-        peaks[i] = max(peaks[i], density[i])
-
-
-@parallel_kernel
-def _densest(fields: Floats, extents: Indices) -> float:
-    """The largest density within `extents`; at least 0. Arguments as in `_largest_jump`."""
-    rows = extents.shape[1]
-    lines = extents.shape[0] * rows
-    tasks = min(lines, _TASKS)
-    densest = np.zeros(tasks)
-    for task in numba.prange(tasks):
-        peaks = np.zeros(fields.shape[3])
-        for line in range(task, lines, tasks):
-            a, j = line // rows, line % rows
-            width = extents[a, j, 1] - extents[a, j, 0]
-            if width > 0:
-                at = a, j + GHOSTS, extents[a, j, 0] + GHOSTS
-                _raise_to(fields, at, width, peaks)
-        densest[task] = peaks.max()
-    return float(densest.max())
-
-
-@view_kernel
 def _invert_dense(density: Floats, least: float, inverse: Floats) -> None:
     """1/rho of cells denser than `least`, else 0."""
     for i in range(inverse.size):
@@ -150,7 +123,8 @@ def largest_compression(fields: Floats, cell: float, extents: Indices | None = N
     if extents is None:
         ny, nx = (n - 2 * GHOSTS for n in planes.shape[2:])
         extents = np.broadcast_to(np.array([0, nx]), (planes.shape[1], ny, 2)).copy()
-    largest = _densest(planes, extents)
+    columns = slice(GHOSTS + extents[..., 0].min(), GHOSTS + extents[..., 1].max())
+    largest = float(planes[DENSITY, :, GHOSTS:-GHOSTS, columns].max(initial=0.0))
     return _largest_jump(planes, extents, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
 
 

@@ -24,7 +24,7 @@ from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
-from ellipsoid_coupling.schemes.sources import CellTerms, add_torque, set_pull
+from ellipsoid_coupling.schemes.sources import CellTerms, Kick, add_torque, exact_kick, set_pull
 from ellipsoid_coupling.schemes.step_control import CFL, ROTATION
 
 Floats = NDArray[np.float64]
@@ -173,12 +173,12 @@ def _relax(
     extents: Extents,
     terms: CellTerms,
     forces: AngleForces | None,
-    change: tuple[float, float, float, float],
+    change: Kick,
     limits: tuple[Floats, float, bool] | None,
 ) -> Floats:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
-    change : decay and gain of v, then of omega. Returns distance/dt of the steps that the new
+    Returns distance/dt of the steps that the new
     velocities allow, (directions,), see `_raise_speeds`.
     """
     components, rows = fields.shape[0] - 1, extents.shape[1]
@@ -217,14 +217,15 @@ def _kick_row(
     fields: Floats,
     at: tuple[int, int, int],
     out: Floats,
-    change: tuple[float, float, float, float],
+    change: Kick,
 ) -> None:
     """`_relax` for a run of cells in the drift `out`."""
     a, j, begin = at
     end = begin + out.shape[1]
     q = fields[Q, a, j, begin:end]
     for d in range(out.shape[0]):
-        keep, push = (change[2], change[3]) if d == 2 else (change[0], change[1])
+        keep = change.spin_decay if d == 2 else change.decay
+        push = change.spin_gain if d == 2 else change.gain
         momentum, rate = fields[QVX + d, a, j, begin:end], out[d]
         for i in range(q.size):
             momentum[i] = keep * momentum[i] + push * q[i] * rate[i]
@@ -235,7 +236,7 @@ def _relaxed(
     extents: Extents,
     terms: CellTerms,
     forces: AngleForces | None,
-    change: tuple[float, float, float, float],
+    change: Kick,
     limits: Limits | None,
 ) -> Steps:
     here = fields, extents, terms, forces, change
@@ -260,15 +261,7 @@ def kick_exactly(
 
     With `limits`, returns `largest_step` of the new velocities, found on the way.
     """
-    linear, angular = terms.damping, terms.angular_damping
-    decay = math.exp(-linear * dt), math.exp(-angular * dt)
-    change = decay[0], exact_gain(linear, dt), decay[1], exact_gain(angular, dt)
-    return _relaxed(fields, extents, terms, forces, change, limits)
-
-
-def exact_gain(rate: float, dt: float) -> float:
-    """The integral of exp(-rate s) over a step."""
-    return -math.expm1(-rate * dt) / rate if rate else dt
+    return _relaxed(fields, extents, terms, forces, exact_kick(terms, dt), limits)
 
 
 def step_implicitly(
@@ -284,7 +277,7 @@ def step_implicitly(
     Returns what `kick_exactly` does.
     """
     decay = 1.0 / (1.0 + dt * terms.damping), 1.0 / (1.0 + dt * terms.angular_damping)
-    change = decay[0], dt * decay[0], decay[1], dt * decay[1]
+    change = Kick(decay[0], dt * decay[0], decay[1], dt * decay[1])
     return _relaxed(fields, extents, terms, forces, change, limits)
 
 
@@ -299,4 +292,4 @@ def largest_step(
 
     One for space, one for the angle; infinite where nothing moves, 0 where a velocity is not finite.
     """
-    return _relaxed(fields, extents, terms, forces, (1.0, 0.0, 1.0, 0.0), limits)
+    return _relaxed(fields, extents, terms, forces, Kick(1.0, 0.0, 1.0, 0.0), limits)

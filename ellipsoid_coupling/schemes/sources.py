@@ -29,6 +29,19 @@ RHO, MOMENTUM_X, MOMENTUM_Y, ANGLE, SPIN = range(5)
 _NEWTON_STEPS = 4
 
 
+# Rows are dealt out in so many tasks at most, each with peaks of its own.
+_TASKS = 64
+
+
+class Extremes(NamedTuple):
+    """The largest |v_x| or |v_y|, |omega|, |F_x| or |F_y| and |F_bar|; infinite if not finite."""
+
+    speed: float
+    spin: float
+    force: float
+    torque: float
+
+
 class CellTerms(NamedTuple):
     """What drives a cell, made once; None where the scene does not have it.
 
@@ -70,12 +83,6 @@ def angular_rate(
     return rate, slope
 
 
-@kernel
-def _row(fields: Floats, component: int, j: int) -> Floats:
-    """One component of row j without its ghosts, a view: loops over it vectorise."""
-    return fields[component, j + GHOSTS, GHOSTS : fields.shape[2] - GHOSTS]
-
-
 @parallel_kernel
 def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats) -> None:
     """Write F_x, F_y and F_bar of every cell that is not vacuum.
@@ -90,19 +97,27 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
         Overwritten.
     """
     for j in numba.prange(drift.shape[1]):
-        density = _row(fields, RHO, j)
+        _set_drift_row(fields, terms, forces, j, drift)
+
+
+@view_kernel
+def _set_drift_row(
+    fields: Floats, terms: CellTerms, forces: Forces | None, j: int, drift: Floats
+) -> None:
+    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
+    if fields.shape[0] == 5:
+        carried = fields[ANGLE, j + GHOSTS, GHOSTS:-GHOSTS]
+        _set_turning(terms, density, carried, j, drift[2, j])
+    if forces is None:
+        set_pull(terms.steady, (0, j), None, (0,), 0.0, 0, drift[0, j])
+        set_pull(terms.steady, (1, j), None, (0,), 0.0, 0, drift[1, j])
+    else:
+        set_pull(terms.steady, (0, j), forces.x, (j,), terms.inverse_mass, 0, drift[0, j])
+        set_pull(terms.steady, (1, j), forces.y, (j,), terms.inverse_mass, 0, drift[1, j])
         if fields.shape[0] == 5:
-            _set_turning(terms, density, _row(fields, ANGLE, j), j, drift[2, j])
-        if forces is None:
-            set_pull(terms.steady, (0, j), None, (0,), 0.0, 0, drift[0, j])
-            set_pull(terms.steady, (1, j), None, (0,), 0.0, 0, drift[1, j])
-        else:
-            set_pull(terms.steady, (0, j), forces.x, (j,), terms.inverse_mass, 0, drift[0, j])
-            set_pull(terms.steady, (1, j), forces.y, (j,), terms.inverse_mass, 0, drift[1, j])
-            if fields.shape[0] == 5:
-                add_torque(forces.torque, (j,), terms.inverse_inertia, 0, drift[2, j])
-        for d in range(drift.shape[0]):
-            _clear_vacuum(density, drift[d, j])
+            add_torque(forces.torque, (j,), terms.inverse_inertia, 0, drift[2, j])
+    for d in range(drift.shape[0]):
+        _clear_vacuum(density, drift[d, j])
 
 
 @view_kernel
@@ -166,30 +181,68 @@ def _clear_vacuum(density: Floats, out: Floats) -> None:
         out[i] = 0.0 if density[i] <= 0.0 else out[i]
 
 
-@parallel_kernel
-def kick_exactly(
-    fields: Floats, drift: Floats, terms: CellTerms, dt: float, turning: float
-) -> None:
-    """Solve v' = F - Gamma v and omega' = F_bar - Gamma_bar omega exactly over dt, in place.
+class Kick(NamedTuple):
+    """The exact solution of v' = F - Gamma v over a time: v becomes decay v + gain F."""
 
-    Then phi += turning * omega, where anything turns.
-    """
-    decay, spin_decay = math.exp(-terms.damping * dt), math.exp(-terms.angular_damping * dt)
-    gain = dt if terms.damping == 0.0 else -math.expm1(-terms.damping * dt) / terms.damping
-    spin_gain = (
-        dt
-        if terms.angular_damping == 0.0
-        else -math.expm1(-terms.angular_damping * dt) / terms.angular_damping
+    decay: float
+    gain: float
+    spin_decay: float
+    spin_gain: float
+
+
+def exact_kick(terms: CellTerms, dt: float) -> Kick:
+    """Of v and of omega."""
+    linear, angular = terms.damping, terms.angular_damping
+    return Kick(
+        math.exp(-linear * dt),
+        exact_gain(linear, dt),
+        math.exp(-angular * dt),
+        exact_gain(angular, dt),
     )
+
+
+def exact_gain(rate: float, dt: float) -> float:
+    """The integral of exp(-rate s) over a step."""
+    return -math.expm1(-rate * dt) / rate if rate else dt
+
+
+@parallel_kernel
+def kick(fields: Floats, drift: Floats, change: Kick, turning: float) -> None:
+    """Kick v and omega in the drift as it is, in place; then phi += turning omega, where it turns."""
     for j in numba.prange(drift.shape[1]):
-        density = _row(fields, RHO, j)
-        for d in range(2):
-            _kick(_row(fields, MOMENTUM_X + d, j), density, drift[d, j], decay, gain)
-        if fields.shape[0] == 5:
-            spins = _row(fields, SPIN, j)
-            _kick(spins, density, drift[2, j], spin_decay, spin_gain)
-            if turning != 0.0:
-                _turn(_row(fields, ANGLE, j), spins, turning)
+        _kick_row(fields, drift, change, j)
+        if fields.shape[0] == 5 and turning != 0.0:
+            _turn_row(fields, j, turning)
+
+
+@parallel_kernel
+def kick_anew(
+    fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats, change: Kick
+) -> Extremes:
+    """`set_drift`, `kick` and what `extremes` finds after that, in one pass over memory."""
+    rows, columns = drift.shape[1:]
+    tasks = min(rows, _TASKS)
+    largest = np.zeros((tasks, 4))
+    for task in numba.prange(tasks):
+        peaks, inverse = np.zeros((4, columns)), np.empty(columns)
+        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
+            _set_drift_row(fields, terms, forces, j, drift)
+            _kick_row(fields, drift, change, j)
+            _raise_row(fields, drift, j, inverse, peaks)
+        for k in range(4):
+            largest[task, k] = peaks[k].max()
+    return _largest_of(largest)
+
+
+@view_kernel
+def _kick_row(fields: Floats, drift: Floats, change: Kick, j: int) -> None:
+    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
+    for d in range(2):
+        momentum = fields[MOMENTUM_X + d, j + GHOSTS, GHOSTS:-GHOSTS]
+        _kick(momentum, density, drift[d, j], change.decay, change.gain)
+    if fields.shape[0] == 5:
+        spins = fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS]
+        _kick(spins, density, drift[2, j], change.spin_decay, change.spin_gain)
 
 
 @view_kernel
@@ -199,7 +252,9 @@ def _kick(carried: Floats, density: Floats, rate: Floats, decay: float, gain: fl
 
 
 @view_kernel
-def _turn(angles: Floats, spins: Floats, dt: float) -> None:
+def _turn_row(fields: Floats, j: int, dt: float) -> None:
+    angles = fields[ANGLE, j + GHOSTS, GHOSTS:-GHOSTS]
+    spins = fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS]
     for i in range(angles.size):
         angles[i] += dt * spins[i]
 
@@ -209,7 +264,7 @@ def turn(fields: Floats, dt: float) -> None:
     """Phi += dt omega in every cell, in place; nothing where nothing turns."""
     if fields.shape[0] == 5:
         for j in numba.prange(fields.shape[1] - 2 * GHOSTS):
-            _turn(_row(fields, ANGLE, j), _row(fields, SPIN, j), dt)
+            _turn_row(fields, j, dt)
 
 
 @parallel_kernel
@@ -255,10 +310,6 @@ def _implicit_spin(
     return new
 
 
-# Rows are dealt out in so many tasks at most, each with peaks of its own.
-_TASKS = 64
-
-
 @view_kernel
 def _raise_to(carried: Floats, inverse: Floats, peaks: Floats) -> None:
     """Raise `peaks` to the magnitude of carried * inverse; what is not finite counts as infinite."""
@@ -269,43 +320,41 @@ def _raise_to(carried: Floats, inverse: Floats, peaks: Floats) -> None:
 
 
 @view_kernel
-def _invert(density: Floats, inverse: Floats) -> None:
-    """1/rho, 0 in vacuum; written so that NaN is no vacuum."""
+def _raise_row(
+    fields: Floats, drift: Floats | None, j: int, inverse: Floats, peaks: Floats
+) -> None:
+    """Raise `peaks` (4, nx) to a row's speeds, spins and, with the drift, forces and torques."""
+    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
     for i in range(inverse.size):
+        # Written so that NaN is no vacuum.
         inverse[i] = 0.0 if density[i] <= 0.0 else 1.0 / density[i]
+    for d in range(2):
+        _raise_to(fields[MOMENTUM_X + d, j + GHOSTS, GHOSTS:-GHOSTS], inverse, peaks[0])
+    if fields.shape[0] == 5:
+        _raise_to(fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS], inverse, peaks[1])
+    if drift is not None:
+        inverse[:] = 1.0
+        for d in range(drift.shape[0]):
+            _raise_to(drift[d, j], inverse, peaks[3 if d == 2 else 2])
+
+
+@kernel
+def _largest_of(largest: Floats) -> Extremes:
+    return Extremes(
+        largest[:, 0].max(), largest[:, 1].max(), largest[:, 2].max(), largest[:, 3].max()
+    )
 
 
 @parallel_kernel
-def largest_rates(fields: Floats) -> tuple[float, float]:
-    """The largest |v_x| or |v_y| and the largest |omega| of all cells that are not vacuum.
-
-    Infinite where one of them is not finite.
-    """
+def extremes(fields: Floats, drift: Floats | None) -> Extremes:
+    """Of all cells that are not vacuum; no force and torque without a drift."""
     rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
     tasks = min(rows, _TASKS)
-    largest = np.zeros((tasks, 2))
+    largest = np.zeros((tasks, 4))
     for task in numba.prange(tasks):
-        peaks, inverse = np.zeros((2, columns)), np.empty(columns)
+        peaks, inverse = np.zeros((4, columns)), np.empty(columns)
         for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            _invert(_row(fields, RHO, j), inverse)
-            _raise_to(_row(fields, MOMENTUM_X, j), inverse, peaks[0])
-            _raise_to(_row(fields, MOMENTUM_Y, j), inverse, peaks[0])
-            if fields.shape[0] == 5:
-                _raise_to(_row(fields, SPIN, j), inverse, peaks[1])
-        largest[task, 0], largest[task, 1] = peaks[0].max(), peaks[1].max()
-    return largest[:, 0].max(), largest[:, 1].max()
-
-
-@parallel_kernel
-def largest_drift(drift: Floats) -> tuple[float, float]:
-    """The largest |F_x| or |F_y| and the largest |F_bar|; infinite where one is not finite."""
-    rows, columns = drift.shape[1:]
-    tasks = min(rows, _TASKS)
-    largest = np.zeros((tasks, 2))
-    for task in numba.prange(tasks):
-        peaks, one = np.zeros((2, columns)), np.ones(columns)
-        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            for d in range(drift.shape[0]):
-                _raise_to(drift[d, j], one, peaks[1 if d == 2 else 0])
-        largest[task, 0], largest[task, 1] = peaks[0].max(), peaks[1].max()
-    return largest[:, 0].max(), largest[:, 1].max()
+            _raise_row(fields, drift, j, inverse, peaks)
+        for k in range(4):
+            largest[task, k] = peaks[k].max()
+    return _largest_of(largest)

@@ -12,12 +12,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.sources import (
     CellTerms,
-    kick_exactly,
-    largest_drift,
-    largest_rates,
+    Extremes,
+    Kick,
+    exact_kick,
+    extremes,
+    kick,
+    kick_anew,
     step_implicitly,
     turn,
 )
@@ -41,6 +45,10 @@ class SplitEquation(Protocol):
         """Move all fields along one axis (-1: x, -2: y) for dt."""
         ...
 
+    def forces(self) -> Forces | None:
+        """Interaction and walls at the present fields; None without interaction."""
+        ...
+
     def evaluate_drift(self) -> None:
         """Set `drift` from the present fields."""
         ...
@@ -60,6 +68,14 @@ class Splitting(Protocol):
     order: int
     refuses: bool
 
+    def start(self, equation: SplitEquation) -> None:
+        """Set the drift, and whatever else follows from the fields; they are at the start."""
+        ...
+
+    def restore(self, equation: SplitEquation) -> None:
+        """Set whatever follows from fields and drift, which have been restored."""
+        ...
+
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """The step that the CFL number allows now, and its reason."""
         ...
@@ -76,8 +92,9 @@ def _step_for(rate: float, acceleration: float, distance: float) -> float:
     return float(2.0 * distance / root) if root != 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, speed: float, force: float, cfl: float) -> tuple[float, int]:
-    """As long as nothing flies further than cfl cells; `speed` and `force` are the largest now."""
+def _cfl_step(equation: SplitEquation, found: Extremes, cfl: float) -> tuple[float, int]:
+    """As long as nothing flies further than cfl cells."""
+    speed, force = found.speed, found.force
     distance = cfl * equation.cell
     dt = _longest(speed, force, equation.terms.damping, distance)
     return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
@@ -102,13 +119,20 @@ class GodunovSplitting:
     def __init__(self, pressure: float) -> None:
         self._flux = Force(pressure)
 
+    def start(self, equation: SplitEquation) -> None:
+        """Set the drift."""
+        equation.evaluate_drift()
+
+    def restore(self, equation: SplitEquation) -> None:
+        """Nothing is kept."""
+
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest cell; from rest, as far as the drift leads."""
-        speed, _ = largest_rates(equation.fields)
+        found = extremes(equation.fields, equation.drift)
         distance = cfl * equation.cell
-        if speed > 0.0:
-            return _step_for(speed, 0.0, distance), CFL_NUMBER
-        return _cfl_step(equation, speed, largest_drift(equation.drift)[0], cfl)
+        if found.speed > 0.0:
+            return _step_for(found.speed, 0.0, distance), CFL_NUMBER
+        return _cfl_step(equation, found, cfl)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -128,23 +152,35 @@ class KickDriftKick:
 
     def __init__(self) -> None:
         self._flux = Ballistic()
+        self._found = Extremes(0.0, 0.0, 0.0, 0.0)
+
+    def start(self, equation: SplitEquation) -> None:
+        """The drift, and what the first step follows from; later ones find it in their last kick."""
+        self._kick_anew(equation, Kick(1.0, 0.0, 1.0, 0.0))
+
+    def restore(self, equation: SplitEquation) -> None:
+        """As at the start: velocities change after the drift is set, place and angle do not."""
+        self.start(equation)
+
+    def _kick_anew(self, equation: SplitEquation, change: Kick) -> None:
+        fields, terms, drift = equation.fields, equation.terms, equation.drift
+        self._found = kick_anew(fields, terms, equation.forces(), drift, change)
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
-        speed, spin = largest_rates(equation.fields)
-        force, torque = largest_drift(equation.drift)
-        turning = _longest(spin, torque, equation.terms.angular_damping, _LARGEST_TURN)
-        return min(_cfl_step(equation, speed, force, cfl), (turning, ROTATION))
+        found, damping = self._found, equation.terms.angular_damping
+        turning = _longest(found.spin, found.torque, damping, _LARGEST_TURN)
+        return min(_cfl_step(equation, found, cfl), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred.
 
         The allowed step counts the acceleration within it in, and flights empty no cell.
         """
-        kick_exactly(equation.fields, equation.drift, equation.terms, 0.5 * dt, 0.5 * dt)
+        change = exact_kick(equation.terms, 0.5 * dt)
+        kick(equation.fields, equation.drift, change, 0.5 * dt)
         for axis in (-1, -2) if count % 2 == 0 else (-2, -1):
             equation.transport(self._flux, axis, dt)
         turn(equation.fields, 0.5 * dt)
-        equation.evaluate_drift()
-        kick_exactly(equation.fields, equation.drift, equation.terms, 0.5 * dt, 0.0)
+        self._kick_anew(equation, change)
         return True

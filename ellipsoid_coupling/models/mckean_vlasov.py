@@ -66,7 +66,7 @@ _RANGES_BEYOND = 2.0
 def even_points(scene: Scene, samples: int) -> Floats:
     """Midpoints of side x side equal parts of the start box, row by row: (K, 2, B).
 
-    Some rows are a block, of `_BLOCK` samples at most unless a row is longer.
+    As many rows are a block as make `_BLOCK` samples at most; two blocks at least, or a row.
     """
     side = max(1, round(np.sqrt(samples)))
     part = (np.arange(side) + 0.5) / side

@@ -134,9 +134,10 @@ def _raise_speeds(
 
     dt (|v| + sound + |F - Gamma v| dt/2) = distance, so that with s = |v| + sound, a = |F - Gamma v|
 
-        distance/dt = (s + sqrt(s^2 + 2 a distance))/2, or s + a/Gamma where damping holds velocities
+        distance/dt = (s + sqrt(s^2 + 2 a distance))/2
 
-    and that is less. Not finite counts as infinite, so that the caller notices.
+    or s + a/Gamma, where damping holds velocities and that is less. What is not finite counts as
+    infinite, so that the caller notices.
 
     limits : distances, sound and damped of `Limits`.
     drift : F and F_bar of the run. inverse : room for a run.
@@ -178,8 +179,8 @@ def _relax(
 ) -> Floats:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
-    Returns distance/dt of the steps that the new
-    velocities allow, (directions,), see `_raise_speeds`.
+    Returns distance/dt of the steps that the new velocities allow, one a component of the momentum;
+    see `_raise_speeds`.
     """
     components, rows = fields.shape[0] - 1, extents.shape[1]
     lines = extents.shape[0] * rows

@@ -225,7 +225,11 @@ class RGridEquation:
     def health(self) -> Health:
         """Mass, least density, speeds, and the drift's largest components."""
         mass, least, speeds = survey_cells(self.fields)
-        forces = largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
+        found = self._splitting.found
+        if found is not None:
+            forces = found.force, found.torque
+        else:
+            forces = largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
         return Health(mass * self.cell**2, least, speeds, forces)
 
     def counts(self) -> Counts:

@@ -126,6 +126,7 @@ class CreepingEuler:
 
     order = 1
     refuses = False
+    found = None
 
     def __init__(self) -> None:
         self._flux = Force(0.0)
@@ -167,6 +168,7 @@ class CreepingHeun:
 
     order = 2
     refuses = True
+    found = None
 
     def __init__(self) -> None:
         self._flux = Ballistic()

@@ -68,6 +68,11 @@ class Splitting(Protocol):
     order: int
     refuses: bool
 
+    @property
+    def found(self) -> Extremes | None:
+        """What fields and drift are at most after the last step; None where it does not look."""
+        ...
+
     def start(self, equation: SplitEquation) -> None:
         """Set the drift, and whatever else follows from the fields; they are at the start."""
         ...
@@ -115,6 +120,7 @@ class GodunovSplitting:
 
     order = 1
     refuses = False
+    found = None
 
     def __init__(self, pressure: float) -> None:
         self._flux = Force(pressure)
@@ -152,7 +158,7 @@ class KickDriftKick:
 
     def __init__(self) -> None:
         self._flux = Ballistic()
-        self._found = Extremes(0.0, 0.0, 0.0, 0.0)
+        self.found = Extremes(0.0, 0.0, 0.0, 0.0)
 
     def start(self, equation: SplitEquation) -> None:
         """The drift, and what the first step follows from; later ones find it in their last kick."""
@@ -164,11 +170,11 @@ class KickDriftKick:
 
     def _kick_anew(self, equation: SplitEquation, change: Kick) -> None:
         fields, terms, drift = equation.fields, equation.terms, equation.drift
-        self._found = kick_anew(fields, terms, equation.forces(), drift, change)
+        self.found = kick_anew(fields, terms, equation.forces(), drift, change)
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
-        found, damping = self._found, equation.terms.angular_damping
+        found, damping = self.found, equation.terms.angular_damping
         turning = _longest(found.spin, found.torque, damping, _LARGEST_TURN)
         return min(_cfl_step(equation, found, cfl), (turning, ROTATION))
 

@@ -15,7 +15,6 @@ kernels are kept (`AngleKernels`), and their spectra made for one length of a `L
 
 from __future__ import annotations
 
-import math
 from typing import Literal, NamedTuple
 
 import numba
@@ -142,15 +141,9 @@ class AngleKernels:
         """For so many rows and columns of occupied cells; see `Ladder`."""
         return self._ladder.fitting(rows, columns)
 
-    def _make(self, padded: tuple[int, int], former: AngleSpectra | None) -> AngleSpectra:
+    def _make(self, padded: tuple[int, int]) -> AngleSpectra:
         n = self._samples.shape[1]
-        shape = self._block_shape(padded, n)
-        # Room for the longest ones, which costs nothing before it is used, and is used again.
-        longest = math.prod(self._block_shape(self._ladder.longest, n))
-        room = (
-            np.empty(longest, self._precision) if former is None else np.asarray(former.blocks.base)
-        )
-        blocks: Real = np.reshape(room[: math.prod(shape)], shape)
+        blocks: Real = np.empty(self._block_shape(padded, n), self._precision)
         _transform(self._samples, padded, self.odd, blocks)
         return AngleSpectra(blocks, padded)
 

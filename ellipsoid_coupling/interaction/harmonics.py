@@ -63,7 +63,7 @@ class HarmonicInteraction:
         sizes = series.h**2, series.shape.size, strength
         self._precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self._precision)
-        ladder = Ladder(grid_shape, kernel.cells, lambda lengths, _: kernel.transform(lengths))
+        ladder = Ladder(grid_shape, kernel.cells, kernel.transform)
         self._convolve = Convolution(ladder, self._precision)
         self._basis: Real = np.empty(0, self._precision)
 

@@ -32,8 +32,7 @@ class Ladder(Generic[Made]):
         Of the whole grid.
     reach : int
         How many cells further images must be away.
-    make : ((Py, Px), former spectra or None) -> spectra
-        The former ones are of no use any more but for their memory, which had to be asked for.
+    make : ((Py, Px)) -> spectra
 
     Attributes
     ----------
@@ -41,9 +40,7 @@ class Ladder(Generic[Made]):
         Lengths for the whole grid.
     """
 
-    def __init__(
-        self, cells: Lengths, reach: int, make: Callable[[Lengths, Made | None], Made]
-    ) -> None:
+    def __init__(self, cells: Lengths, reach: int, make: Callable[[Lengths], Made]) -> None:
         self.longest = padded_length(cells[0], reach), padded_length(cells[1], reach)
         self._reach, self._make = reach, make
         self._made: dict[Lengths, Made] = {}
@@ -51,12 +48,10 @@ class Ladder(Generic[Made]):
     def fitting(self, rows: int, columns: int) -> Made:
         """For a rectangle of so many occupied cells."""
         lengths = fitting_lengths((rows + self._reach, columns + self._reach), self.longest)
-        if lengths in self._made:
-            spectra = self._made.pop(lengths)
-        else:
-            former = self._made.pop(next(iter(self._made))) if len(self._made) == 2 else None
-            spectra = self._make(lengths, former)
+        spectra = self._made.pop(lengths) if lengths in self._made else self._make(lengths)
         self._made[lengths] = spectra
+        if len(self._made) > 2:
+            del self._made[next(iter(self._made))]
         return spectra
 
 

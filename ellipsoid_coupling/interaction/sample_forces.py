@@ -109,7 +109,7 @@ class SampleInteraction:
         ladder = Ladder(
             (self.nodes.rows, self.nodes.columns),
             kernel.cells + _TAIL,
-            lambda lengths, _: kernel.transform(lengths, _undo_splines),
+            lambda lengths: kernel.transform(lengths, _undo_splines),
         )
         self._convolve = Convolution(ladder, self._precision)
 

@@ -126,10 +126,7 @@ class McKeanVlasov:
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
         self._interaction = _scene_samples(setup.scene, samples)
-        # Walls act by ghosts of the pairs that particles would make.
-        pairs = drift.pairs if drift.pairs is not None and drift.pairs.ghosts is not None else None
-        ghosts = None if pairs is None else pairs.ghosts
-        alone = Alone(drift._replace(pairs=None), ghosts, pairs)
+        alone = Alone(drift._replace(pairs=None), drift.pairs)
         self._forces = Forces(alone, None if self._interaction is None else self._interact)
         self._blocks = np.zeros(1, np.int64)
 

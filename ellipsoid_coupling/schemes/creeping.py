@@ -121,15 +121,10 @@ def _flight_time(fields: Floats, distance: float) -> tuple[float, int]:
     )
 
 
-class CreepingEuler:
-    """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the angle; first order."""
+class _Creeping:
+    """What both schemes share: velocities follow from the drift at once."""
 
-    order = 1
-    refuses = False
     found = None
-
-    def __init__(self) -> None:
-        self._flux = Force(0.0)
 
     def start(self, equation: SplitEquation) -> None:
         """Set the drift and the velocity that follows from it."""
@@ -142,6 +137,16 @@ class CreepingEuler:
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         return _flight_time(equation.fields, cfl * equation.cell)
+
+
+class CreepingEuler(_Creeping):
+    """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the angle; first order."""
+
+    order = 1
+    refuses = False
+
+    def __init__(self) -> None:
+        self._flux = Force(0.0)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -155,7 +160,7 @@ class CreepingEuler:
         return True
 
 
-class CreepingHeun:
+class CreepingHeun(_Creeping):
     """Scheme `accurate`: Heun's rule along the particles' ways; second order.
 
     A flight at the starting drift velocity, carried along with the mass, is followed by a short one
@@ -168,22 +173,9 @@ class CreepingHeun:
 
     order = 2
     refuses = True
-    found = None
 
     def __init__(self) -> None:
         self._flux = Ballistic()
-
-    def start(self, equation: SplitEquation) -> None:
-        """Set the drift and the velocity that follows from it."""
-        equation.evaluate_drift()
-        settle(equation.fields, equation.drift, mobilities(equation.terms), 1.0, 0.0)
-
-    def restore(self, equation: SplitEquation) -> None:
-        """Nothing is kept."""
-
-    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
-        """From the fastest and the fastest turning cell."""
-        return _flight_time(equation.fields, cfl * equation.cell)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Refused if the correction is not small. Directions take turns (`count`)."""

@@ -54,13 +54,12 @@ _LEAST_DRIFTS, _LEAST_STEPS = 4000, 16_000
 
 
 class Alone(NamedTuple):
-    """What acts on each sample by itself; None where the scene does not have it.
+    """What acts on each sample by itself.
 
-    drift : without pairs; ghosts, pairs : ghost particles of walls, and the pairs they make.
+    drift : without pairs; pairs : of samples with ghost particles of walls, where there are any.
     """
 
     drift: Drift
-    ghosts: Sources | None
     pairs: Pairs | None
 
 
@@ -124,13 +123,19 @@ def _set_alone(alone: Alone | None, place: Floats, force: Floats) -> int:
     if alone is None:
         return 0
     outside = particle_forces(alone.drift, place, force)
-    _add_ghosts(alone.ghosts, alone.pairs, place, force)
+    _add_walls(alone.pairs, place, force)
     return outside
 
 
 @kernel
-def _add_ghosts(ghosts: Sources | None, pairs: Pairs | None, place: Floats, force: Floats) -> None:
-    if ghosts is not None and pairs is not None:
+def _add_walls(pairs: Pairs | None, place: Floats, force: Floats) -> None:
+    if pairs is not None:
+        _add_ghosts(pairs.ghosts, pairs, place, force)
+
+
+@kernel
+def _add_ghosts(ghosts: Sources | None, pairs: Pairs, place: Floats, force: Floats) -> None:
+    if ghosts is not None:
         add_ghost_forces(place, ghosts, pairs, force)
 
 
@@ -147,11 +152,8 @@ def set_forces(forces: Forces, place: Floats, force: Floats) -> int:
     outside = np.zeros(place.shape[0], np.int64)
     if forces.alone is not None:
         over_blocks(place, lambda a, b: _set_blocks(forces.alone, place, force, outside, (a, b)))
-    return int(outside.sum()) + _add_together(forces, place, force)
-
-
-def _add_together(forces: Forces, place: Floats, force: Floats) -> int:
-    return 0 if forces.together is None else forces.together(place, force)
+    shared = 0 if forces.together is None else forces.together(place, force)
+    return int(outside.sum()) + shared
 
 
 @kernel
@@ -172,6 +174,17 @@ def _trial_of(trial: Trial, k: int) -> Trial:
     return Trial(trial.place[k], trial.folded[k], trial.sign[k], trial.force[k])
 
 
+class _Found(NamedTuple):
+    """What is evaluated at a prediction: `alone`, and where to write how it turned out.
+
+    outside : (K,), samples outside the flow; squares : (K, D) squared errors, None where more follows.
+    """
+
+    alone: Alone | None
+    outside: Indices
+    squares: Floats | None
+
+
 @kernel
 def _predict(
     state: ParticleState,
@@ -181,17 +194,28 @@ def _predict(
     limits: Limits,
     trial: Trial,
     dt: float,
-    alone: Alone | None,
-    outside: Indices,
-    squares: Floats | None,
+    found: _Found,
 ) -> None:
     """Predictions and what acts on each sample there by itself; errors too, if that is all."""
     for k in range(blocks[0], blocks[1]):
         noise, here = noise_rows(state.noise, k, step), _trial_of(trial, k)
         predict_step(state, k, noise, rates, limits, here, dt)
-        outside[k] = _set_alone(alone, here.folded, here.force)
-        if squares is not None:
-            squared_errors(state, k, rates, limits, here, dt, squares[k])
+        found.outside[k] = _set_alone(found.alone, here.folded, here.force)
+        _measure_one(found.squares, state, k, rates, limits, here, dt)
+
+
+@kernel
+def _measure_one(
+    squares: Floats | None,
+    state: ParticleState,
+    k: int,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+) -> None:
+    if squares is not None:
+        squared_errors(state, k, rates, limits, trial, dt, squares[k])
 
 
 @kernel
@@ -274,9 +298,8 @@ class _Exponential:
         state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
         place, forces, squares = state.place, self.forces, self.squares
         common = rates, limits, trial, dt
-        last = squares if forces.together is None else None
-        own = forces.alone, self.outside, last
-        over_blocks(place, lambda a, b: _predict(state, (a, b), step, *common, *own))
+        found = _Found(forces.alone, self.outside, squares if forces.together is None else None)
+        over_blocks(place, lambda a, b: _predict(state, (a, b), step, *common, found))
         outside = int(self.outside.sum())
         if forces.together is not None:
             outside += forces.together(trial.folded, trial.force)

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.instructions import sum_products
 from ellipsoid_coupling.interaction.angle_spectra import (
     AngleKernels,
     Quantity,
@@ -37,6 +36,7 @@ from ellipsoid_coupling.interaction.spectra import (
 from ellipsoid_coupling.interaction.transforms import Transforms, in_parts
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape
+from ellipsoid_coupling.registers import sum_products
 
 
 class AngleForces(NamedTuple):

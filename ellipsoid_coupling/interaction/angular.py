@@ -1,13 +1,13 @@
-"""The pair potential's gradients as Fourier series in both angles, as long as a tolerance asks for.
+"""The pair potential and its gradients as Fourier series in both angles, as long as is asked for.
 
 In the frame of the line that joins two particles, at a distance r apart,
 
     K(r, theta, thetabar) = sum_pq A_pq(r) b_p(theta) b_q(thetabar)
     b = 1, cos 2 theta, sin 2 theta, ..., cos 2M theta, sin 2M theta
 
-for K = radial slope, tangential slope and dU/dtheta. Turning the line by alpha turns both angles:
-U(R delta, theta + alpha, thetabar + alpha) = U(delta, theta, thetabar), so one distance serves all
-offsets of the grid that are as far.
+for K = radial slope, tangential slope and dU/dtheta, and U itself. Turning the line by alpha turns
+both angles: U(R delta, theta + alpha, thetabar + alpha) = U(delta, theta, thetabar), so one distance
+serves all offsets of the grid that are as far.
 """
 
 from __future__ import annotations
@@ -125,7 +125,24 @@ class _Expansion(NamedTuple):
     misses: Array
 
 
-def _expand(shape: PotentialShape, distances: Array, harmonics: int) -> _Expansion:
+def potential_coefficients(series: AngularSeries) -> Array:
+    """A_pq of U/eps0 itself up to the same harmonic: (distances, 1, 2M + 1, 2M + 1).
+
+    The series of its gradients is the gradient of its series, so the error of that stays the same.
+    """
+    lattice, _, dual = _lattice(series.harmonics)
+    coefficients = np.empty((series.squares.size, 1, len(dual), len(dual)))
+    step = max(1, CHUNK // lattice.size**2)
+    for first in range(0, series.squares.size, step):
+        part = slice(first, min(first + step, series.squares.size))
+        values = np.empty((part.stop - first, 1, lattice.size, lattice.size))
+        _sample(series.h * np.sqrt(series.squares[part]), lattice, tuple(series.shape), 0, values)
+        coefficients[part] = _on_both_sides(dual, values)
+    return coefficients
+
+
+def _lattice(harmonics: int) -> tuple[Array, Array, Array]:
+    """Angles to sample, b_p there, and what gives coefficients: (n,), (2M + 1, n), (2M + 1, n)."""
     angles = max(LEAST_ANGLES, OVERSAMPLING * harmonics)
     lattice = np.pi * np.arange(angles) / angles
     basis = np.empty((2 * harmonics + 1, 1, angles))
@@ -133,6 +150,12 @@ def _expand(shape: PotentialShape, distances: Array, harmonics: int) -> _Expansi
     basis = basis[:, 0]
     dual = basis * (2.0 / angles)
     dual[0] *= 0.5
+    return lattice, basis, dual
+
+
+def _expand(shape: PotentialShape, distances: Array, harmonics: int) -> _Expansion:
+    lattice, basis, dual = _lattice(harmonics)
+    angles = lattice.size
     components = 2 if shape.shape_factor == 0.0 else 3
     functions = 2 * harmonics + 1
     coefficients = np.empty((distances.size, components, functions, functions))
@@ -142,7 +165,7 @@ def _expand(shape: PotentialShape, distances: Array, harmonics: int) -> _Expansi
     for first in range(0, distances.size, step):
         part = slice(first, min(first + step, distances.size))
         values = block[: part.stop - first]
-        _sample(distances[part], np.cos(2.0 * lattice), np.sin(2.0 * lattice), tuple(shape), values)
+        _sample(distances[part], lattice, tuple(shape), 1, values)
         coefficients[part] = _on_both_sides(dual, values)
         _largest(values, peaks[part])
         values -= _on_both_sides(basis.T, coefficients[part])
@@ -175,16 +198,19 @@ def _largest(block: Array, out: Array) -> None:
 
 @parallel_kernel
 def _sample(
-    distances: Array, cosines: Array, sines: Array, shape: tuple[float, ...], out: Array
+    distances: Array, lattice: Array, shape: tuple[float, ...], first: int, out: Array
 ) -> None:
-    """Gradients at (distance, theta, thetabar), the other particle lying in the x direction."""
+    """Entries of `pair_potential`, from `first` on, at (distance, theta, thetabar) of the lattice.
+
+    The other particle lies in the x direction. out : (distances, entries, angles, angles)
+    """
     shape_factor, size, reach, bluntness = shape
+    cosines, sines = np.cos(2.0 * lattice), np.sin(2.0 * lattice)
     for k in numba.prange(distances.size):
         constants = PotentialShape(shape_factor, size, reach, bluntness)
-        for i in range(cosines.size):
-            _sample_row(
-                distances[k], (cosines[i], sines[i]), (cosines, sines), constants, out[k, :, i]
-            )
+        for i in range(lattice.size):
+            target = cosines[i], sines[i]
+            _sample_row(distances[k], target, (cosines, sines), constants, first, out[k, :, i])
 
 
 @kernel
@@ -193,18 +219,15 @@ def _sample_row(
     target: tuple[float, float],
     bar: tuple[Array, Array],
     shape: PotentialShape,
+    first: int,
     out: Array,
 ) -> None:
     c2, s2 = target
     c2_bar, s2_bar = bar
     for j in range(c2_bar.size):
-        _, radial, tangential, turning = pair_potential(
-            distance, 0.0, c2, s2, c2_bar[j], s2_bar[j], shape
-        )
-        out[0, j] = radial
-        out[1, j] = tangential
-        if out.shape[0] == 3:
-            out[2, j] = turning
+        values = pair_potential(distance, 0.0, c2, s2, c2_bar[j], s2_bar[j], shape)
+        for c in range(out.shape[0]):
+            out[c, j] = values[first + c]
 
 
 @kernel

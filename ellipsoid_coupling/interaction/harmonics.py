@@ -13,15 +13,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ellipsoid_coupling.instructions import sum_products
 from ellipsoid_coupling.interaction.angular import AngularSeries, angular_basis
 from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fields, check_grid
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
-    COMPONENT_PARITY,
+    FORCES,
     AngularKernel,
     Complex,
+    Parities,
     Precision,
     Real,
     Spectra,
@@ -31,6 +32,7 @@ from ellipsoid_coupling.interaction.spectra import (
 )
 from ellipsoid_coupling.interaction.transforms import Transforms, in_parts
 from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.registers import sum_products
 
 
 class HarmonicInteraction:
@@ -106,8 +108,11 @@ def occupied_box(density: Array) -> tuple[slice, slice] | None:
 class Convolution:
     """sum_q K_pq * sources_q for all p and components, with spectra as long as is needed."""
 
-    def __init__(self, ladder: Ladder[Spectra], precision: Precision) -> None:
+    def __init__(
+        self, ladder: Ladder[Spectra], precision: Precision, parities: Parities = FORCES
+    ) -> None:
         self._ladder, self._transforms = ladder, Transforms(precision)
+        self._parities = parities
 
     def __call__(
         self,
@@ -125,59 +130,74 @@ class Convolution:
         blocks, padded = self._ladder.fitting(rows, columns)
         waves = self._transforms.forward(functions, rows, padded, sources)
         fields = self._transforms.product(waves, blocks.shape[1])
-        parities = np.outer(COMPONENT_PARITY, basis_parity(functions)).astype(blocks.dtype)
+        parity = basis_parity(functions).astype(blocks.dtype)
+        kinds = np.array(self._parities.mirrored, blocks.dtype), np.array(self._parities.odd)
         in_parts(
             len(blocks),
             fields.size,
-            lambda first, end: _multiply(blocks, parities, waves, fields, first, end),
+            lambda first, end: _multiply(blocks, parity, kinds, waves, fields, (first, end)),
         )
         self._transforms.back(fields, rows, padded[1], take)
 
 
 @kernel
 def _multiply(
-    blocks: Real, parities: Real, waves: Complex, fields: Complex, first: int, end: int
+    blocks: Real,
+    parity: Real,
+    kinds: tuple[Real, NDArray[np.bool_]],
+    waves: Complex,
+    fields: Complex,
+    range_of_ky: tuple[int, int],
 ) -> None:
     """fields[c, p] = sum_q block[c, p, q] waves[q] at ky = first .. end - 1 and -ky, all kx."""
     py = waves.shape[1]
-    for ky in range(first, end):
+    for ky in range(range_of_ky[0], range_of_ky[1]):
         minus = (py - ky) % py
         upper, lower = fields[:, :, ky], fields[:, :, minus]
-        _multiply_rows(blocks[ky], parities, (waves[:, ky], waves[:, minus]), upper, lower)
+        _multiply_rows(blocks[ky], parity, kinds, (waves[:, ky], waves[:, minus]), upper, lower)
 
 
 @kernel
 def _multiply_rows(
-    block: Real, parities: Real, waves: tuple[Complex, Complex], upper: Complex, lower: Complex
+    block: Real,
+    parity: Real,
+    kinds: tuple[Real, NDArray[np.bool_]],
+    waves: tuple[Complex, Complex],
+    upper: Complex,
+    lower: Complex,
 ) -> None:
     """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between.
 
-    block : (components, F, lines, F, lanes); waves : at ky and at -ky, (F, n) each;
-    upper, lower : (components, F, n), overwritten, at ky and at -ky.
+    block : (components, F, lines, F, lanes)
+    parity : (F,), of the basis; kinds : (components,) each, `Parities`
+    waves : at ky and at -ky, (F, n) each
+    upper, lower : (components, F, n), overwritten, at ky and at -ky
     """
     components, functions, n = upper.shape
     lines, lanes = block.shape[2], block.shape[4]
+    mirrored, odd = kinds
     sources = np.zeros((lines, functions, 4, lanes), block.dtype)
     for q in range(functions):
-        set_parts(waves[0][q], waves[1][q], parities[0, q], sources[:, q])
+        set_parts(waves[0][q], waves[1][q], parity[q], sources[:, q])
     sums = np.empty((4, lines * lanes), block.dtype)
     a, b, c, d = sums[0], sums[1], sums[2], sums[3]
     every = np.arange(functions)
     for component in range(components):
         for p in range(functions):
             sum_products(block[component, p], every, sources, sums)
-            parity, up, down = parities[component, p], upper[component, p], lower[component, p]
-            if component == 2:
-                for j in range(n):
-                    up[j] = complex(a[j], b[j])
-                for j in range(n):
-                    down[j] = complex(parity * c[j], parity * d[j])
-            else:
-                # The transform of the force's odd kernel is imaginary: times i.
+            up, down = upper[component, p], lower[component, p]
+            sign = mirrored[component] * parity[p]
+            if odd[component]:
+                # The transform of an odd kernel is imaginary: times i.
                 for j in range(n):
                     up[j] = complex(-b[j], a[j])
                 for j in range(n):
-                    down[j] = complex(-parity * d[j], parity * c[j])
+                    down[j] = complex(-sign * d[j], sign * c[j])
+            else:
+                for j in range(n):
+                    up[j] = complex(a[j], b[j])
+                for j in range(n):
+                    down[j] = complex(sign * c[j], sign * d[j])
 
 
 @kernel

@@ -1,19 +1,25 @@
 """The interaction of a cloud of samples with its own density, by splines, harmonics and FFT.
 
-Every one of S samples carries the mass 1/S, and feels
+Every one of S samples carries the mass 1/S, and lies in the potential of them all,
 
-    force_i = -eps0/S sum_j grad_r U(r_i, r_j, theta_i, theta_j),    torque_i with dU/dtheta
+    phi(r, theta) = eps0/S sum_j U(r, r_j, theta, theta_j)
+    force_i = -grad_r phi(r_i, theta_i),    torque_i = -dphi/dtheta (r_i, theta_i)
 
-With grad_r U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular`), and K_pq replaced by its
+With U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular`), and K_pq replaced by its
 interpolating cubic spline in both positions on nodes h apart (B: cubic B-spline, four nodes wide),
 
     1. deposit       s_q(node)   = sum_j B(r_j - node) b_q(theta_j) / S
-    2. convolve      f_p(node)   = sum_q K~_pq * s_q,      K~ = K / (b_x b_y)^2 at every frequency
-    3. interpolate   force_i     = sum_p b_p(theta_i) sum_nodes B(r_i - node) f_p(node)
+    2. convolve      phi_p(node) = eps0 sum_q K~_pq * s_q,    K~ = K / (b_x b_y)^2 at every frequency
+    3. slopes        force_i     = -sum_p b_p(theta_i) sum_nodes grad B(r_i - node) phi_p(node)
+                     torque_i    = -sum_p b_p'(theta_i) sum_nodes B(r_i - node) phi_p(node)
 
 b = (2 + cos(wave number))/3 is the B-spline's own transform at the nodes: dividing by it once turns
 the deposit into that of the interpolating spline's basis, a second time the interpolation. The work
 is O(S) + O(nodes log nodes); a direct sum takes O(S^2).
+
+All forces and torques are slopes of one energy. The slope of the potential's spline is as near to the
+force as the spline of the force, and one potential takes a third of the transforms. Action is reaction
+within the spline's error, to rounding for a smooth density.
 
 The error has two parts: the series' (its tolerance, see `angular_series`) and the spline's, of
 fourth order in h. See `NODES_PER_WIDTH` for its size.
@@ -29,6 +35,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.angular import angular_series
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.harmonics import Convolution
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.sample_splines import (
     STENCIL,
@@ -40,6 +47,7 @@ from ellipsoid_coupling.interaction.sample_splines import (
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
+    POTENTIAL,
     AngularKernel,
     Real,
     precision_for,
@@ -99,19 +107,19 @@ class SampleInteraction:
         series = angular_series(shape, h, tolerance, MOST_HARMONICS)
         _require(series is not None, shape, tolerance)
         assert series is not None
-        entries = 3 * (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
+        entries = (2 * series.harmonics + 1) ** 2 * self.nodes.rows * self.nodes.columns / 4
         _require(entries <= _MOST_ENTRIES, shape, tolerance)
         self.harmonics = series.harmonics
-        self._components = series.coefficients.shape[1]
         self._precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
-        kernel = AngularKernel(series, strength / h**2, self._precision)
+        kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL)
         ladder = Ladder(
             (self.nodes.rows, self.nodes.columns),
             kernel.cells + _TAIL,
             lambda lengths: kernel.transform(lengths, _undo_splines),
         )
-        self._convolve = Convolution(ladder, self._precision)
+        self._convolve = Convolution(ladder, self._precision, POTENTIAL)
+        self._room = KeptArrays()
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
@@ -124,21 +132,24 @@ class SampleInteraction:
         force : (K, D, B)
             Per mass and per inertia.
         """
-        slots = np.empty(place.shape[0] * place.shape[2], np.int64)
-        samples, begin = sort_by_row(place, self.nodes, slots)
+        room, nodes = self._room, self.nodes
+        slots = room.array("slots", (place.shape[0] * place.shape[2],), np.int64)
+        samples, begin = sort_by_row(place, nodes, slots, room)
         if len(samples) == 0:
             return
         functions = 2 * self.harmonics + 1
         mass = 1.0 / slots.size
-        row, column, sources = _crop(deposit(samples, begin, self.nodes, functions, mass))
-        shape = *sources.shape[1:], self._components, padded(functions)
-        by_node: Real = np.zeros(shape, self._precision)
+        row, column, sources = _crop(deposit(samples, begin, nodes, functions, mass, room))
+        columns = sources.shape[2]
+        shape = *sources.shape[1:], padded(functions)
+        potential: Real = room.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:
-            by_node[part, :, :, :functions] = fields[..., : shape[1]].transpose(2, 3, 0, 1)
+            potential[part, :, :functions] = fields[0, :, :, :columns].transpose(1, 2, 0)
+            potential[part, :, functions:] = 0.0
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
-        found = interpolate(samples, self.nodes, (row, column), by_node, functions)
+        found = interpolate(samples, nodes, (row, column), potential, functions, room)
         add_to(force, found, weights, slots)
 
 

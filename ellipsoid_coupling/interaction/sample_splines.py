@@ -12,23 +12,28 @@ from typing import NamedTuple
 import numpy as np
 
 from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.spectra import Indices, Real
 from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, shares, view_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
+from ellipsoid_coupling.registers import DOUBLES, Four, add_stencil, sum_stencil
 
 # Nodes about a point in each direction.
 STENCIL = 4
 # Samples are dealt out in this many parts at most, whatever the number of threads, ...
 PARTS = 32
-# ... of so many at least: to wake a thread takes as long as to sort or to spread those.
+# ... to be deposited in fewer: every part has rows of nodes of its own, which are memory to go through.
+_WINDOWS = 8
+# A part has so many at least: to wake a thread takes as long as to sort or to spread those.
 _LEAST_SORTED, _LEAST_SPREAD = 20_000, 2_500
-# Numbers in a vector of the processor.
-_LANES = 8
+# So many samples' b_p are written before the first is read: loading a vector waits for all of the
+# single numbers that were last stored there.
+_BATCH = 32
 
 
 def padded(functions: int) -> int:
-    """So many numbers a node: loops over them have no odd ends."""
-    return -(-functions // _LANES) * _LANES
+    """So many numbers a node: whole vectors."""
+    return -(-functions // DOUBLES) * DOUBLES
 
 
 class Nodes(NamedTuple):
@@ -42,7 +47,7 @@ class Nodes(NamedTuple):
 
 
 @inline_kernel
-def _spline_weights(t: float) -> tuple[float, float, float, float]:
+def _spline_weights(t: float) -> Four:
     """B at the four nodes about a point, t in [0, 1) after the second."""
     s = 1.0 - t
     return (
@@ -51,6 +56,13 @@ def _spline_weights(t: float) -> tuple[float, float, float, float]:
         2.0 / 3.0 - s * s * (1.0 - 0.5 * s),
         t * t * t / 6.0,
     )
+
+
+@inline_kernel
+def _spline_slopes(t: float) -> Four:
+    """dB/dt at the same four."""
+    s = 1.0 - t
+    return -0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t
 
 
 @kernel
@@ -109,7 +121,9 @@ def _set_starts(counts: Indices) -> Indices:
     return begin
 
 
-def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indices]:
+def sort_by_row(
+    place: Array, nodes: Nodes, slots: Indices, room: KeptArrays
+) -> tuple[Array, Indices]:
     """Copies of the samples within the nodes, sorted by the first row of their nodes.
 
     A stable counting sort, so that whatever is done in this order, and what follows in the former
@@ -121,6 +135,8 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
     nodes : Nodes
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
+    room : KeptArrays
+        What the samples are copied to, until the next call.
 
     Returns
     -------
@@ -132,7 +148,7 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices) -> tuple[Array, Indi
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     for_each(len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k]))
     begin: Indices = _set_starts(counts)
-    samples = np.empty((begin[-1], place.shape[1]))
+    samples = room.array("samples", (begin[-1], place.shape[1]), np.float64)
     for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
     return samples, begin
 
@@ -162,27 +178,54 @@ def _add_some(
 
 
 @view_kernel
-def _set_basis(sample: Array, basis: Array, functions: int) -> None:
-    """Write b_p of one sample's angle, (2M + 1,) and more; without an angle, any does."""
-    c2, s2 = cos_sin(2.0 * sample[2]) if sample.size == 3 else (1.0, 0.0)
-    cosine, sine = c2, s2
-    basis[0] = 1.0
-    for m in range(1, functions // 2 + 1):
-        basis[2 * m - 1] = cosine
-        basis[2 * m] = sine
-        cosine, sine = cosine * c2 - sine * s2, sine * c2 + cosine * s2
+def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> None:
+    """Write b_p of every sample's angle, and db_p/dtheta where `bases` has room for it.
+
+    Samples without an angle have the angle 0.
+
+    waves : (2, n or more), scratch
+    bases : (n or more, 1 or 2, 2M + 1 or more)
+    """
+    bases[: samples.shape[0], 0, 0] = 1.0
+    if functions == 1:
+        return
+    cosines, sines = waves[0], waves[1]
+    for i in range(samples.shape[0]):
+        cosines[i], sines[i] = (
+            cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
+        )
+    last = functions // 2
+    for i in range(samples.shape[0]):
+        c2, s2 = cosines[i], sines[i]
+        # Odd and even multiples turn on side by side: each product waits for the one before.
+        c4, s4 = c2 * c2 - s2 * s2, 2.0 * s2 * c2
+        cosine, sine, even_cosine, even_sine = c2, s2, c4, s4
+        basis, slopes = bases[i, 0], bases[i, bases.shape[1] - 1]
+        for m in range(1, last, 2):
+            basis[2 * m - 1], basis[2 * m] = cosine, sine
+            basis[2 * m + 1], basis[2 * m + 2] = even_cosine, even_sine
+            if bases.shape[1] == 2:
+                low, high = 2.0 * m, 2.0 * m + 2.0
+                slopes[2 * m - 1], slopes[2 * m] = -low * sine, low * cosine
+                slopes[2 * m + 1], slopes[2 * m + 2] = -high * even_sine, high * even_cosine
+            cosine, sine = cosine * c4 - sine * s4, sine * c4 + cosine * s4
+            even_cosine, even_sine = (
+                even_cosine * c4 - even_sine * s4,
+                even_sine * c4 + even_cosine * s4,
+            )
+        if last % 2 == 1:
+            basis[2 * last - 1], basis[2 * last] = cosine, sine
+            if bases.shape[1] == 2:
+                slopes[2 * last - 1], slopes[2 * last] = -2.0 * last * sine, 2.0 * last * cosine
 
 
 @inline_kernel
-def _stencil(
-    x: float, y: float, nodes: Nodes
-) -> tuple[int, int, tuple[float, float, float, float], tuple[float, float, float, float]]:
-    """First row and column of a sample's nodes, and B along y and along x."""
+def _place(x: float, y: float, nodes: Nodes) -> tuple[int, int, float, float]:
+    """First row and column of a sample's four by four nodes, and how far it is beyond the second."""
     across = (x - nodes.x_low) * nodes.inverse_h
     up = (y - nodes.y_low) * nodes.inverse_h
     column, row = math.floor(across), math.floor(up)
-    weights_y, weights_x = _spline_weights(up - row), _spline_weights(across - column)
-    return int(row) - 1, int(column) - 1, weights_y, weights_x
+    return int(row) - 1, int(column) - 1, up - row, across - column
 
 
 class Windows(NamedTuple):
@@ -200,7 +243,7 @@ class Windows(NamedTuple):
 
 def windows_of(begin: Indices) -> Windows:
     """For samples whose rows begin there, dealt out in equal parts."""
-    count = max(1, min(PARTS, int(begin[-1]) // _LEAST_SPREAD))
+    count = max(1, min(_WINDOWS, int(begin[-1]) // _LEAST_SPREAD))
     parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
@@ -209,22 +252,26 @@ def windows_of(begin: Indices) -> Windows:
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
 
-def deposit(samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: float) -> Array:
-    """s_q at the nodes, (functions, rows, columns), of samples sorted by row.
+def deposit(
+    samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: float, room: KeptArrays
+) -> Array:
+    """s_q at the nodes, (functions, rows, columns), of samples sorted by row; kept in `room`.
 
     Every part of the samples deposits into rows of its own; these are added up in the parts' order.
     """
     windows = windows_of(begin)
     parts, first, offsets = windows
-    partial = np.zeros((offsets[-1], nodes.columns, padded(functions)))
+    shape = int(offsets[-1]), nodes.columns, padded(functions)
+    partial = room.array("windows", shape, np.float64)
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
         some = samples[parts[k] : parts[k + 1]]
-        _deposit(some, int(first[k]), nodes, functions, np.zeros(partial.shape[2]), window)
+        bases = np.zeros((_BATCH, 1, window.shape[2]))
+        _deposit(some, int(first[k]), nodes, functions, np.empty((2, _BATCH)), bases, window)
 
     for_each(first.size, put)
-    sources = np.zeros((functions, nodes.rows, nodes.columns))
+    sources = room.array("sources", (functions, nodes.rows, nodes.columns), np.float64)
     rows = shares(nodes.rows, first.size)
     for_each(len(rows), lambda k: _add_windows(partial, windows, mass, rows[k], sources))
     return sources
@@ -232,17 +279,22 @@ def deposit(samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: 
 
 @view_kernel
 def _deposit(
-    samples: Array, first: int, nodes: Nodes, functions: int, basis: Array, window: Array
+    samples: Array,
+    first: int,
+    nodes: Nodes,
+    functions: int,
+    waves: Array,
+    bases: Array,
+    window: Array,
 ) -> None:
-    for i in range(samples.shape[0]):
-        row, column, weights_y, weights_x = _stencil(samples[i, 0], samples[i, 1], nodes)
-        _set_basis(samples[i], basis, functions)
-        for a in range(STENCIL):
-            for b in range(STENCIL):
-                weight = weights_y[a] * weights_x[b]
-                node = window[row - first + a, column + b]
-                for p in range(basis.size):
-                    node[p] += weight * basis[p]
+    window[:] = 0.0
+    for begin in range(0, samples.shape[0], _BATCH):
+        some = samples[begin : begin + _BATCH]
+        _set_bases(some, functions, waves, bases)
+        for i in range(some.shape[0]):
+            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            along_y, along_x = _spline_weights(up), _spline_weights(across)
+            add_stencil(window, (row - first, column), along_y, along_x, bases[i, 0])
 
 
 @kernel
@@ -263,22 +315,28 @@ def _add_windows(
 
 
 def interpolate(
-    samples: Array, nodes: Nodes, corner: tuple[int, int], fields: Real, functions: int
+    samples: Array,
+    nodes: Nodes,
+    corner: tuple[int, int],
+    potential: Real,
+    functions: int,
+    room: KeptArrays,
 ) -> Array:
-    """The fields at the samples, (n, components).
+    """Minus the slopes of sum_p b_p(theta) U_p(r) along x, y and theta at the samples: (n, D).
 
-    fields : (rows, columns, components, `padded` functions)
-        At a part of the nodes, from row and column `corner` on.
+    potential : (rows, columns, `padded` functions)
+        U_p at a part of the nodes, from row and column `corner` on.
+    room : KeptArrays
+        What the result is written to.
     """
-    components, width = fields.shape[2:]
-    found = np.empty((len(samples), components))
-    lines = fields.reshape(len(fields), -1)
+    found = room.array("found", samples.shape, np.float64)
     parts = shares(len(samples), min(PARTS, len(samples) // _LEAST_SPREAD))
 
     def read(k: int) -> None:
         some = slice(*parts[k])
-        work = np.zeros(width), np.empty(components * width)
-        _interpolate_some(samples[some], nodes, corner, lines, functions, work, found[some])
+        bases = np.zeros((_BATCH, 2, potential.shape[2]))
+        work = np.empty((2, _BATCH)), bases
+        _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])
 
     for_each(len(parts), read)
     return found
@@ -289,37 +347,22 @@ def _interpolate_some(
     samples: Array,
     nodes: Nodes,
     corner: tuple[int, int],
-    lines: Real,
+    potential: Real,
     functions: int,
     work: tuple[Array, Array],
     found: Array,
 ) -> None:
-    basis, sums = work
-    together, width = sums.size, basis.size
-    for i in range(samples.shape[0]):
-        row, column, weights_y, weights_x = _stencil(samples[i, 0], samples[i, 1], nodes)
-        _set_basis(samples[i], basis, functions)
-        sums[:] = 0.0
-        # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
-        first = (column - corner[1]) * together
-        here = slice(first, first + STENCIL * together)
-        for a in range(STENCIL):
-            line = lines[row - corner[0] + a, here]
-            _add_four_nodes(sums, weights_y[a], weights_x, line)
-        for c in range(found.shape[1]):
-            total = 0.0
-            for p in range(functions):
-                total += sums[c * width + p] * basis[p]
-            found[i, c] = total
-
-
-@view_kernel
-def _add_four_nodes(
-    sums: Array, weight: float, weights_x: tuple[float, float, float, float], line: Real
-) -> None:
-    """Add four neighbouring nodes, which follow one another in `line`: sums is read once for all."""
-    a, b, c, d = weights_x
-    a, b, c, d = weight * a, weight * b, weight * c, weight * d
-    n = sums.size
-    for p in range(n):
-        sums[p] += a * line[p] + b * line[n + p] + c * line[2 * n + p] + d * line[3 * n + p]
+    waves, bases = work
+    for begin in range(0, samples.shape[0], _BATCH):
+        some, slopes = samples[begin : begin + _BATCH], found[begin : begin + _BATCH]
+        _set_bases(some, functions, waves, bases)
+        for i in range(some.shape[0]):
+            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            along_y = _spline_weights(up), _spline_slopes(up)
+            along_x = _spline_weights(across), _spline_slopes(across)
+            # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
+            at = row - corner[0], column - corner[1]
+            x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])
+            slopes[i, 0], slopes[i, 1] = -nodes.inverse_h * x, -nodes.inverse_h * y
+            if slopes.shape[1] == 3:
+                slopes[i, 2] = -turn

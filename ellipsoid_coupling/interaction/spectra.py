@@ -17,11 +17,11 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ellipsoid_coupling.instructions import LINE
-from ellipsoid_coupling.interaction.angular import AngularSeries
+from ellipsoid_coupling.interaction.angular import AngularSeries, potential_coefficients
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
+from ellipsoid_coupling.registers import LINE
 
 Real = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]
@@ -40,8 +40,15 @@ def precision_for(tolerance: float, *sizes: float) -> Precision:
     return np.float32 if tolerance >= LEAST_SINGLE_TOLERANCE and moderate else np.float64
 
 
-# Parity under y -> -y of the force's x and y component and of the torque.
-COMPONENT_PARITY = (1, -1, -1)
+class Parities(NamedTuple):
+    """Of the components of a kernel: under y -> -y, 1 or -1; odd in the offset, True or False."""
+
+    mirrored: tuple[int, ...]
+    odd: tuple[bool, ...]
+
+
+# The force's x and y component and the torque; the potential.
+FORCES, POTENTIAL = Parities((1, -1, -1), (True, True, False)), Parities((1,), (False,))
 
 
 def lines_and_lanes(columns: int, precision: DTypeLike) -> tuple[int, int]:
@@ -59,8 +66,8 @@ class Spectra(NamedTuple):
     Attributes
     ----------
     blocks : (Py//2 + 1, components, 2M + 1, lines, 2M + 1, lanes) float32 or float64
-        -eps0 h^2 times the transform, without the factor i of the force's components; axis order
-        (ky, component, p, kx, q, kx), see `lines_and_lanes`.
+        -eps0 h^2 times the transform of forces, without their factor i, eps0 h^2 times that of the
+        potential; axis order (ky, component, p, kx, q, kx), see `lines_and_lanes`.
     padded : (Py, Px)
         Lengths of the transforms, even.
     """
@@ -84,6 +91,8 @@ class AngularKernel:
     strength : float
         eps0.
     precision : np.float32 or np.float64
+    parities : Parities
+        `FORCES` for force and torque, `POTENTIAL` for the potential that they are slopes of.
 
     Attributes
     ----------
@@ -91,9 +100,18 @@ class AngularKernel:
         Reach of the potential in cells.
     """
 
-    def __init__(self, series: AngularSeries, strength: float, precision: Precision) -> None:
-        self._quadrant = _quadrant(series, precision)
-        self._scale = -strength * series.h**2
+    def __init__(
+        self,
+        series: AngularSeries,
+        strength: float,
+        precision: Precision,
+        parities: Parities = FORCES,
+    ) -> None:
+        forces = parities == FORCES
+        coefficients = series.coefficients if forces else potential_coefficients(series)
+        self._quadrant = _quadrant(series.squares, coefficients, precision)
+        self._parities = parities
+        self._scale = (-strength if forces else strength) * series.h**2
         self.cells = self._quadrant.shape[4] - 1
 
     def transform(self, padded: Lengths, factor: Callable[[int], Array] | None = None) -> Spectra:
@@ -105,10 +123,10 @@ class AngularKernel:
         y_waves, x_waves = (_waves(self.cells, length, factor) for length in padded)
         components, functions = self._quadrant.shape[:2]
         parity = basis_parity(functions)
-        odd_y = np.multiply.outer(COMPONENT_PARITY[:components], np.outer(parity, parity)) < 0
-        # A force is odd in all, so odd in x where even in y; a torque has the same parity.
-        odd_x = ~odd_y
-        odd_x[2:] = odd_y[2:]
+        mirrored = self._parities.mirrored[:components]
+        odd_y = np.multiply.outer(mirrored, np.outer(parity, parity)) < 0
+        # What is odd in all is odd in x where even in y; what is even has the same parity in both.
+        odd_x = odd_y ^ np.array(self._parities.odd[:components])[:, None, None]
         along_x = [self._quadrant @ waves.astype(self._quadrant.dtype) for waves in x_waves]
         half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
         half[odd_x & odd_y] *= -1.0
@@ -178,18 +196,18 @@ def _waves(cells: int, length: int, factor: Callable[[int], Array] | None) -> tu
     return weights * np.cos(phase), weights * np.sin(phase)
 
 
-def _quadrant(series: AngularSeries, precision: Precision) -> Real:
+def _quadrant(squares: Indices, coefficients: Array, precision: Precision) -> Real:
     """K_pq at the offsets (j, i) >= 0 of the grid: (components, 2M + 1, 2M + 1, R + 1, R + 1).
 
-    Axis order (component, p, q, j along y, i along x); components force x, force y(, torque).
+    Axis order (component, p, q, j along y, i along x); two components or more are a force x, y.
     """
-    components, functions = series.coefficients.shape[1:3]
-    cells = int(np.sqrt(series.squares[-1]))
+    components, functions = coefficients.shape[1:3]
+    cells = int(np.sqrt(squares[-1]))
     j, i = np.mgrid[: cells + 1, : cells + 1]
     square = j**2 + i**2
-    inside = square <= series.squares[-1]
+    inside = square <= squares[-1]
     j, i, square = j[inside], i[inside], square[inside]
-    turned = _turn(series.coefficients[np.searchsorted(series.squares, square)], np.arctan2(j, i))
+    turned = _turn(coefficients[np.searchsorted(squares, square)], np.arctan2(j, i))
     out: Real = np.zeros((components, functions, functions, cells + 1, cells + 1), precision)
     out[..., j, i] = turned.transpose(1, 2, 3, 0)
     return out
@@ -204,6 +222,8 @@ def _turn(blocks: Array, alpha: Array) -> Array:
         cosine, sine = view[:, :, 1::2].copy(), view[:, :, 2::2].copy()
         view[:, :, 1::2] = c * cosine - s * sine
         view[:, :, 2::2] = s * cosine + c * sine
+    if blocks.shape[1] == 1:
+        return blocks
     c, s = np.cos(alpha)[:, None, None], np.sin(alpha)[:, None, None]
     radial, tangential = blocks[:, 0].copy(), blocks[:, 1].copy()
     blocks[:, 0] = c * radial - s * tangential

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
 from ellipsoid_coupling.kernels import for_each, shares
@@ -34,7 +34,7 @@ class Transforms:
 
     def __init__(self, precision: Precision) -> None:
         self._type = np.result_type(precision, np.complex64)
-        self._memory: dict[str, NDArray[np.uint8]] = {}
+        self._arrays = KeptArrays()
 
     def forward(
         self, count: int, rows: int, padded: Lengths, make: Callable[[slice], Real]
@@ -44,7 +44,7 @@ class Transforms:
         make : (some of the rows) -> (count, so many rows, columns)
         """
         py, px = padded
-        waves = self._kept("waves", (count, py, px // 2 + 1))
+        waves = self._arrays.array("waves", (count, py, px // 2 + 1), self._type)
 
         def some(first: int, end: int) -> None:
             waves[:, first:end] = fft.rfft(make(slice(first, end)), px, axis=2)
@@ -56,7 +56,7 @@ class Transforms:
 
     def product(self, waves: Complex, components: int) -> Complex:
         """Where to write so many components of each of `waves`: (components, *waves.shape)."""
-        return self._kept("product", (components, *waves.shape))
+        return self._arrays.array("product", (components, *waves.shape), self._type)
 
     def back(
         self, product: Complex, rows: int, px: int, take: Callable[[slice, Real], None]
@@ -72,12 +72,6 @@ class Transforms:
             take(slice(first, end), fft.irfft(product[:, :, first:end], px, axis=3))
 
         in_parts(rows, rows * components * count * px, some)
-
-    def _kept(self, name: str, shape: tuple[int, ...]) -> Complex:
-        size = int(np.prod(shape)) * self._type.itemsize
-        if name not in self._memory or self._memory[name].size < size:
-            self._memory[name] = np.empty(size, np.uint8)
-        return self._memory[name][:size].view(self._type).reshape(shape)
 
 
 def along_y(transform: Callable[..., Complex], fields: Complex) -> None:

@@ -11,7 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction import DirectInteraction, Forces, HarmonicInteraction
-from ellipsoid_coupling.interaction.angular import AngularSeries, angular_series
+from ellipsoid_coupling.interaction.angular import (
+    AngularSeries,
+    angular_series,
+    potential_coefficients,
+)
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 
 Array = NDArray[np.float64]
@@ -138,6 +142,11 @@ def test_coefficients_sum_to_the_gradients() -> None:
     exact = pair_potential(float(distance), 0.0, *angles, series.shape)[1:]
     bound = 1e-3 * series.norms[[0, 0, 1]]
     assert np.all(np.abs(found - exact) <= bound)
+    # The potential's own series: as much better as it is smoother.
+    potential = basis(theta) @ potential_coefficients(series)[k, 0] @ basis(theta_bar)
+    assert potential == pytest.approx(
+        pair_potential(float(distance), 0.0, *angles, series.shape)[0], abs=1e-5
+    )
 
 
 def test_circles_need_no_harmonics_and_have_no_torque() -> None:

@@ -191,9 +191,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
         return
     cosines, sines = waves[0], waves[1]
     for i in range(samples.shape[0]):
-        cosines[i], sines[i] = (
-            cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
-        )
+        cosines[i], sines[i] = cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
     last = functions // 2
     for i in range(samples.shape[0]):
         c2, s2 = cosines[i], sines[i]

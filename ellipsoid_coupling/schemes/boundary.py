@@ -60,16 +60,21 @@ def _fill(fields: Floats, reflecting: bool, normal: int) -> None:
                         fields[normal, line, ghost, i] *= -1.0
 
 
-def fill_periodic(fields: Floats, axis: int) -> None:
-    """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place."""
+def fill_periodic(fields: Floats, axis: int, part: tuple[int, int] | None = None) -> None:
+    """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place.
+
+    part : (first, end), optional
+        Of the numbers of a layer, which follow one another: the others stay as they are.
+    """
     before, n, after = fields.shape[:axis], fields.shape[axis], fields.shape[axis + 1 :]
     shape = math.prod(before), n, math.prod(after)
-    with threads_for(shape[0] * shape[2], _CELLS_PER_THREAD):
-        _wrap(np.reshape(fields, shape, copy=False))
+    first, end = (0, shape[2]) if part is None else part
+    with threads_for(shape[0] * (end - first), _CELLS_PER_THREAD):
+        _wrap(np.reshape(fields, shape, copy=False), first, end)
 
 
 @parallel_kernel
-def _wrap(fields: Floats) -> None:
+def _wrap(fields: Floats, first: int, end: int) -> None:
     """`fill_periodic` along the second axis of three."""
     last = fields.shape[1] - 2 * GHOSTS
     layers = 2 * GHOSTS
@@ -77,5 +82,6 @@ def _wrap(fields: Floats) -> None:
         line, layer = task // layers, task % layers
         ghost = layer if layer < GHOSTS else last + layer
         image = ghost + last if layer < GHOSTS else ghost - last
-        for i in range(fields.shape[2]):
-            fields[line, ghost, i] = fields[line, image, i]
+        to, source = fields[line, ghost, first:end], fields[line, image, first:end]
+        for i in range(to.size):
+            to[i] = source[i]

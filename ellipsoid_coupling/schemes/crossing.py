@@ -82,6 +82,27 @@ def _raise_to_row(
 
 
 @parallel_kernel
+def _largest_density(fields: Floats, extents: Indices) -> float:
+    """Of all cells; see `_largest_jump`."""
+    rows = extents.shape[1]
+    lines = extents.shape[0] * rows
+    tasks = min(lines, _TASKS)
+    peaks = np.zeros(tasks)
+    for task in numba.prange(tasks):
+        peak = np.zeros(fields.shape[3])
+        for line in range(task, lines, tasks):
+            a, j = line // rows, line % rows
+            width = extents[a, j, 1] - extents[a, j, 0]
+            if width > 0:
+                first = extents[a, j, 0] + GHOSTS
+                density = fields[DENSITY, a, j + GHOSTS, first : first + width]
+                for i in range(width):
+                    peak[i] = max(peak[i], density[i])
+        peaks[task] = peak.max()
+    return float(peaks.max())
+
+
+@parallel_kernel
 def _largest_jump(fields: Floats, extents: Indices, least: float) -> float:
     """The largest v_i - v_{i+1}, along x or y, of neighbours denser than `least`; at least 0.
 
@@ -123,8 +144,7 @@ def largest_compression(fields: Floats, cell: float, extents: Indices | None = N
     if extents is None:
         ny, nx = (n - 2 * GHOSTS for n in planes.shape[2:])
         extents = np.broadcast_to(np.array([0, nx]), (planes.shape[1], ny, 2)).copy()
-    columns = slice(GHOSTS + extents[..., 0].min(), GHOSTS + extents[..., 1].max())
-    largest = float(planes[DENSITY, :, GHOSTS:-GHOSTS, columns].max(initial=0.0))
+    largest = _largest_density(planes, extents)
     return _largest_jump(planes, extents, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
 
 

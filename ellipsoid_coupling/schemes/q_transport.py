@@ -47,7 +47,7 @@ def transport(
     normal = NORMAL[axis]
     extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
     if axis == -3:
-        fill_periodic(fields, 1)
+        fill_periodic(fields, 1, _held_rows(extents, padded[2]))
     elif _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
         fill_ghosts(fields, axis + 4, reflecting, normal)
     row, plane = padded[2], padded[1] * padded[2]
@@ -59,6 +59,12 @@ def transport(
         if left is not None and axis != -3 and not reflecting:
             left += gone
     return extents
+
+
+def _held_rows(extents: Extents, row: int) -> tuple[int, int]:
+    """Where the padded rows that hold mass at some angle begin and end in a plane; (0, 0) if none do."""
+    rows = np.flatnonzero((extents[..., 1] > 0).any(axis=0))
+    return ((GHOSTS + rows[0]) * row, (GHOSTS + rows[-1] + 1) * row) if rows.size else (0, 0)
 
 
 def _reach_edge(extents: Extents, columns: int, axis: int) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.instructions import fetch_ahead
-from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
@@ -43,6 +43,9 @@ _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
 _WORK_ROWS = 5
 # Numbers in a line of the cache.
 _CACHE_LINE = 8
+# Outflow is computed for whole vectors of cells: the rest of a loop goes one cell at a time, which takes
+# as long as three vectors. What comes out beyond the run is not used.
+_VECTOR = 8
 # Cells between two rows from which on the second one is fetched.
 _FAR = 16
 # Runs that a thread takes at a time, at the most: they differ in length.
@@ -114,11 +117,17 @@ def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux
                 content[i] = 0.0 if density[i] == 0.0 else new
 
 
+@inline_kernel
+def _whole(width: int) -> int:
+    """So many cells are whole vectors."""
+    return (width + _VECTOR - 1) // _VECTOR * _VECTOR
+
+
 @view_kernel
 def _mass(flux: Flux, up: Floats, down: Floats) -> float:
     """The mass of two streams: what goes up through the faces of one row less what comes down."""
-    upwards: float = up[DENSITY].sum()
-    return upwards if at_faces(flux) else upwards - down[DENSITY].sum()
+    upwards: float = up.sum()
+    return upwards if at_faces(flux) else upwards - down.sum()
 
 
 @parallel_kernel
@@ -133,7 +142,7 @@ def _sweep_rows(
 ) -> None:
     components = fields.shape[0]
     starts, counts, _ = runs
-    longest = counts.max() + 2
+    longest = _whole(counts.max() + 2)
     for task in numba.prange(tasks):
         up = np.empty((components, longest))
         down = np.empty((components, longest))
@@ -163,11 +172,12 @@ def _sweep_row(
     Returns the mass that has left through both ends, less what came in.
     """
     n = here.width - 2
-    invert(fields, here.start - 1, flux.vacuum, inverses[: n + 4])
+    cells = Span(here.start, _whole(here.width), here.stride, here.normal)
+    invert(fields, cells.start - 1, flux.vacuum, inverses[: cells.width + 2])
     inverse = Inverse(inverses[1:], inverses[2:], inverses)
-    outflow(flux, fields, here, inverse, ratio, moved.up, moved.down, work)
-    gone = _mass(flux, moved.up[:, n : n + 1], moved.down[:, n + 1 : n + 2])
-    gone -= _mass(flux, moved.up[:, :1], moved.down[:, 1:2])
+    outflow(flux, fields, cells, inverse, ratio, moved.up, moved.down, work)
+    up, down = moved.up[DENSITY], moved.down[DENSITY]
+    gone = _mass(flux, up[n : n + 1], down[n + 1 : n + 2]) - _mass(flux, up[:1], down[1:2])
     _update(fields, here.start + 1, n, moved, flux)
     return gone
 
@@ -185,7 +195,10 @@ def _fetch(fields: Floats, components: tuple[int, int], first: int, width: int) 
 
 
 class _Room(NamedTuple):
-    """What a march of a bundle writes to on its way: the last three rows' outflow and inverses."""
+    """What a march of a bundle writes to on its way: the last three rows' outflow and inverses.
+
+    Rows are as long as whole vectors.
+    """
 
     up: Floats
     down: Floats
@@ -215,13 +228,12 @@ def _march(
         _fetch(fields, (0, 1), ahead, fetched)
         invert(fields, at + stride, flux.vacuum, inverses[old])
         inverse = Inverse(inverses[new], inverses[old], inverses[middle])
-        here = Span(at, width, stride, span.normal)
+        here = Span(at, inverses.shape[1], stride, span.normal)
         outflow(flux, fields, here, inverse, ratio, up[new], down[new], work)
         _fetch(fields, (1, 3), ahead, fetched)
-        if row == 0:
-            gone -= _mass(flux, up[middle], down[new])
-        elif row == n:
-            gone += _mass(flux, up[middle], down[new])
+        if row in (0, n):
+            through = _mass(flux, up[middle, DENSITY, :width], down[new, DENSITY, :width])
+            gone += through if row == n else -through
         if row >= 1:
             moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
             _update(fields, at - stride, width, moved, flux)
@@ -237,14 +249,15 @@ def _sweep_columns(
     starts, counts, widths = runs
     for task in numba.prange(starts.size):
         first = starts[task]
-        width = widths[task]
+        # Not beyond the last cell of all, where the march looks at the row above the last one.
+        row = min(_whole(widths[task]), fields.shape[1] - first - (counts[task] + 1) * stride)
         room = _Room(
-            np.empty((3, components, width)),
-            np.empty((3, components, width)),
-            np.empty((3, width)),
-            np.empty((_WORK_ROWS, width)),
+            np.empty((3, components, row)),
+            np.empty((3, components, row)),
+            np.empty((3, row)),
+            np.empty((_WORK_ROWS, row)),
         )
-        span = Span(first, width, stride, normal)
+        span = Span(first, widths[task], stride, normal)
         gone[task] = _march(flux, fields, first, counts[task], span, ratio, room)
 
 

@@ -51,6 +51,8 @@ _CARRIED_LIMIT = 1.5
 # An extremum that bends by less than this part of the value is smooth, and kept. Flattening it would
 # cost an order: without pressure an error of the velocity becomes its derivative in the density.
 _SMOOTH = 0.05
+# Strict floating point divides where it is told to, which takes ten times as long.
+_TWELFTH = 1.0 / 12.0
 
 
 class Ballistic(NamedTuple):
@@ -103,7 +105,8 @@ def ballistic_outflow(
         before, here, after = below_it[i], densities[i], above_it[i]
         slope = limited(here - before, after - here, _DENSITY_LIMIT, here)
         own = inverse.here[i]
-        centre = slope * own / 12.0
+        twelfth = _TWELFTH * slope
+        centre = twelfth * own
         v = momenta[i] * own
         dv = _carried_slope(
             momenta_below[i] * inverse.below[i],
@@ -118,7 +121,7 @@ def ballistic_outflow(
         below = min(below, 1.0 - above)
         work[0, i] = above
         work[1, i] = below
-        work[2, i] = slope
+        work[2, i] = twelfth
         up[DENSITY, i] = above * (here + slope * (0.5 - 0.5 * above))
         down[DENSITY, i] = below * (here - slope * (0.5 - 0.5 * below))
     for k in range(1, fields.shape[0]):
@@ -132,9 +135,9 @@ def ballistic_outflow(
                 inverse.below[i] == 0.0,
                 inverse.above[i] == 0.0,
             )
-            above, below, slope = work[0, i], work[1, i], work[2, i]
-            centre = slope * inverse.here[i] / 12.0
-            bend = change * slope / 12.0
+            above, below, twelfth = work[0, i], work[1, i], work[2, i]
+            centre = twelfth * inverse.here[i]
+            bend = change * twelfth
             up[k, i] = (
                 up[DENSITY, i] * (value + change * (0.5 - 0.5 * above - centre)) + bend * above**3
             )

@@ -6,6 +6,7 @@ has a plain twin of the same name for Python.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from typing import Any
 
@@ -25,8 +26,8 @@ _uni_tuple: Any = types.UniTuple
 
 # Bytes of a cache line, and of the widest vector of today's processors.
 LINE = 64
-# How many lines ahead a stream of factors is asked for: 4 kB.
-_LINES_AHEAD = 64
+# How many lines ahead a stream of factors is asked for: 8 kB.
+_LINES_AHEAD = 128
 # Numbers in a vector in double precision.
 DOUBLES = LINE // 8
 _VECTOR = ir.VectorType(ir.DoubleType(), DOUBLES)
@@ -36,69 +37,88 @@ Four = tuple[float, float, float, float]
 
 
 def sum_products(factors: Any, which: Any, sources: Any, sums: Any) -> None:
-    """sums[part] = sum_k factors[:, which[k]] sources[:, k, part], kept in registers meanwhile.
+    """sums[k, part] = sum_j factors[:, which[k], which[j]] sources[:, j, part].
 
-    Numbers lie in lanes of one cache line: `LINE` bytes, 16 in single and 8 in double precision.
+    Two targets k at a time, so that every source is read once for both. Numbers lie in lanes of one
+    cache line: `LINE` bytes, 16 in single and 8 in double precision.
 
     Parameters
     ----------
-    factors : (lines, n, lanes) float32 or float64
+    factors : (lines, n, n, lanes) float32 or float64
         Contiguous, like all the others.
     which : (m,) int64
-    sources : (lines, m, parts, lanes)
-    sums : (parts, lines * lanes)
+    sources : (lines, m, 4, lanes)
+    sums : (m, 4, lines * lanes)
         Overwritten.
     """
-    products = np.einsum("lmi,lmpi->pli", factors[:, which], sources)
+    products = np.einsum("lkji,ljpi->kpli", factors[:, which][:, :, which], sources)
     sums[:] = products.reshape(sums.shape)
 
 
 def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: Any) -> Any:
-    """The type of `sum_products` for four parts, and LLVM's instructions: 4 sums in registers."""
+    """The type of `sum_products`, and LLVM's instructions: 2 x 4 sums in registers."""
     del context
-    parts = 4
+    parts, bytes_each = 4, factors.dtype.bitwidth // 8
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         arrays = [
             context.make_array(kind)(context, builder, value)
             for kind, value in zip(signature.args, arguments, strict=True)
         ]
-        lanes = LINE * 8 // factors.dtype.bitwidth
-        vector = ir.VectorType(context.get_value_type(factors.dtype), lanes)
+        vector = ir.VectorType(context.get_value_type(factors.dtype), LINE // bytes_each)
+        nothing = ir.Constant(vector, [0.0] * vector.count)
         factor_data, _, source_data, sum_data = (
             builder.bitcast(array.data, vector.as_pointer()) for array in arrays
         )
         lines, terms = _unpack(builder, arrays[2].shape, 4)[:2]
-        count = _unpack(builder, arrays[0].shape, 3)[1]
-        totals = [_variable(builder, vector) for _ in range(parts)]
+        n = _unpack(builder, arrays[0].shape, 4)[1]
+        whole = lines.type
+        totals = [[_variable(builder, vector) for _ in range(parts)] for _ in range(2)]
 
-        def at(data: Any, index: Any) -> Any:
-            return builder.gep(data, [index])
+        def which_one(k: Any) -> Any:
+            return builder.load(builder.gep(arrays[1].data, [k]))
 
         def load(data: Any, index: Any) -> Any:
-            value = builder.load(at(data, index))
-            value.align = factors.dtype.bitwidth // 8
+            value = builder.load(builder.gep(data, [index]))
+            value.align = bytes_each
             return value
 
         with _counted_loop(builder, lines) as over_lines:
             line = over_lines.index
-            for total in totals:
-                builder.store(ir.Constant(vector, [0.0] * lanes), total)
-            with _counted_loop(builder, terms) as over_terms:
-                term = over_terms.index
-                row = builder.load(at(arrays[1].data, term))
-                place = builder.add(builder.mul(line, count), row)
-                emit_prefetch(builder, at(factor_data, builder.add(place, line.type(_LINES_AHEAD))))
-                factor = load(factor_data, place)
-                begin = builder.mul(builder.add(builder.mul(line, terms), term), line.type(parts))
-                for part, total in enumerate(totals):
-                    source = load(source_data, builder.add(begin, line.type(part)))
-                    terms_so_far = builder.load(total)
-                    builder.store(_emit_fma(builder, factor, source, terms_so_far), total)
-            for part, total in enumerate(totals):
-                place = builder.add(builder.mul(line.type(part), lines), line)
-                stored = builder.store(builder.load(total), at(sum_data, place))
-                stored.align = factors.dtype.bitwidth // 8
+            pairs = builder.sdiv(builder.add(terms, whole(1)), whole(2))
+            with _counted_loop(builder, pairs) as over_pairs:
+                first = builder.mul(over_pairs.index, whole(2))
+                second = builder.add(first, whole(1))
+                # The last one of an odd number twice, with the same result.
+                in_range = builder.icmp_signed("<", second, terms)
+                targets = first, builder.select(in_range, second, first)
+                rows = [
+                    builder.mul(builder.add(builder.mul(line, n), which_one(k)), n) for k in targets
+                ]
+                for total in itertools.chain(*totals):
+                    builder.store(nothing, total)
+                with _counted_loop(builder, terms) as over_terms:
+                    term = over_terms.index
+                    places = [builder.add(row, which_one(term)) for row in rows]
+                    for place in places:
+                        ahead = builder.add(place, whole(_LINES_AHEAD))
+                        emit_prefetch(builder, builder.gep(factor_data, [ahead]))
+                    factor = [load(factor_data, place) for place in places]
+                    begin = builder.mul(builder.add(builder.mul(line, terms), term), whole(parts))
+                    for part in range(parts):
+                        source = load(source_data, builder.add(begin, whole(part)))
+                        for k, total in enumerate(totals):
+                            so_far = builder.load(total[part])
+                            more = _emit_fma(builder, factor[k], source, so_far)
+                            builder.store(more, total[part])
+                for target, total in zip(targets, totals, strict=True):
+                    for part in range(parts):
+                        row = builder.add(builder.mul(target, whole(parts)), whole(part))
+                        place = builder.add(builder.mul(row, lines), line)
+                        stored = builder.store(
+                            builder.load(total[part]), builder.gep(sum_data, [place])
+                        )
+                        stored.align = bytes_each
         return context.get_dummy_value()
 
     return types.none(factors, which, sources, sums), generate

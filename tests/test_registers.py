@@ -40,24 +40,24 @@ def compiled_addition(nodes: Any, at: Any, along_y: Any, along_x: Any, basis: An
 
 
 @pytest.mark.parametrize(("kind", "exact"), [(np.float32, 1e-6), (np.float64, 1e-15)])
-@pytest.mark.parametrize(("lines", "terms"), [(1, 1), (3, 7), (8, 0)])
+@pytest.mark.parametrize(("lines", "terms"), [(1, 1), (3, 7), (2, 8), (8, 0)])
 def test_sums_of_products(kind: Kind, exact: float, lines: int, terms: int) -> None:
     """Fused and in another order than the plain twin: alike to rounding of the largest product."""
     lanes = LINE // np.dtype(kind).itemsize
     rng = np.random.default_rng(lines)
-    factors = rng.standard_normal((lines, 11, lanes)).astype(kind)
+    factors = rng.standard_normal((lines, 11, 11, lanes)).astype(kind)
     sources = rng.standard_normal((lines, terms, 4, lanes)).astype(kind)
     which = rng.integers(0, 11, terms)
-    found, expected = np.full((2, 4, lines * lanes), np.nan, kind)
+    found, expected = np.full((2, terms, 4, lines * lanes), np.nan, kind)
     compiled_sum(factors, which, sources, found)
     sum_products(factors, which, sources, expected)
     assert np.allclose(found, expected, rtol=0.0, atol=10 * exact * max(terms, 1))
 
 
 def test_sums_of_products_take_contiguous_arrays_only() -> None:
-    factors, sources = np.zeros((2, 3, 16)), np.zeros((2, 3, 4, 8))
+    factors, sources = np.zeros((2, 3, 3, 16)), np.zeros((2, 3, 4, 8))
     with pytest.raises(TypingError):
-        compiled_sum(factors[:, :, ::2], np.arange(3), sources, np.zeros((4, 16)))
+        compiled_sum(factors[..., ::2], np.arange(3), sources, np.zeros((3, 4, 16)))
 
 
 def weights(rng: np.random.Generator) -> Four:

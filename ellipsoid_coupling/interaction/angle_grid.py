@@ -229,16 +229,17 @@ def _multiply_rows(
 ) -> None:
     """Both ky and -ky: the block of -ky is that of ky between the mirrored angles."""
     count, n = angles.which.size, waves.shape[2]
-    lines, lanes = block.shape[2], block.shape[4]
+    lines, lanes = block.shape[1], block.shape[4]
     plus, minus = rows
     sources = np.zeros((lines, count, 4, lanes), block.dtype)
     for b in range(count):
         set_parts(waves[b, plus], waves[angles.mirror[b], minus], 1.0, sources[:, b])
-    sums = np.empty((4, lines * lanes), block.dtype)
+    every = np.empty((count, 4, lines * lanes), block.dtype)
     for c in range(signs.shape[1]):
         odd, sign = signs[0, c] == 1, signs[1, c]
+        sum_products(block[c], angles.which, sources, every)
         for a in range(count):
-            sum_products(block[c, angles.which[a]], angles.which, sources, sums)
+            sums = every[a]
             up, down = fields[c, a, plus], fields[c, angles.mirror[a], minus]
             if odd:
                 # The transform of an odd kernel is imaginary: times i.

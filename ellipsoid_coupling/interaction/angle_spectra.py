@@ -46,8 +46,8 @@ class AngleSpectra(NamedTuple):
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, n, lines, n, lanes) float64 or float32
-        Axis order (ky, component, target angle, kx, source angle, kx), see `lines_and_lanes`;
+    blocks : (Py//2 + 1, components, lines, n, n, lanes) float64 or float32
+        Axis order (ky, component, kx, target angle, source angle, kx), see `lines_and_lanes`;
         without the factor i of the force; scaled with the given factor.
     padded : (Py, Px)
         Lengths of the transforms, even.
@@ -135,7 +135,7 @@ class AngleKernels:
 
     def _block_shape(self, padded: tuple[int, int], n: int) -> tuple[int, ...]:
         lines, lanes = lines_and_lanes(padded[1] // 2 + 1, self._precision)
-        return padded[0] // 2 + 1, len(self._components), n, lines, n, lanes
+        return padded[0] // 2 + 1, len(self._components), lines, n, n, lanes
 
     def spectra(self, rows: int, columns: int) -> AngleSpectra:
         """For so many rows and columns of occupied cells; see `Ladder`."""
@@ -167,7 +167,7 @@ def _transform(samples: Array, padded: tuple[int, int], odd: Indices, blocks: Re
     Offsets with j < 0 mirror those with j > 0, which therefore count twice.
     """
     cells = samples.shape[3] - 1
-    kx, ky = np.arange(blocks.shape[3] * blocks.shape[5]), np.arange(blocks.shape[0])
+    kx, ky = np.arange(blocks.shape[2] * blocks.shape[5]), np.arange(blocks.shape[0])
     along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
     # Frequencies that only fill the last line.
     along[..., padded[1] // 2 + 1 :] = 0.0
@@ -185,7 +185,7 @@ def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks:
     along : (2 R + 1, twice kx), cosines and sines; across : (2, 2, R + 1, ky), with the parity first
     """
     components, n, cells = samples.shape[0], samples.shape[1], samples.shape[3]
-    lines, lanes = blocks.shape[3], blocks.shape[5]
+    lines, lanes = blocks.shape[2], blocks.shape[5]
     for task in numba.prange(components * n):
         c, a = task // n, task % n
         # All that one target angle needs stays in cache while ky runs, in the order of the blocks.
@@ -193,10 +193,11 @@ def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks:
         room = np.empty(along.shape[1])
         for b in range(n):
             _add_columns(samples[c, a, b], along, room, parts[..., b, :])
-        rows, total = parts.reshape(2, cells, -1), np.empty(lines * n * lanes)
-        for ky in range(blocks.shape[0]):
-            _add_parts(rows, across[odd[c], :, :, ky], total)
-            blocks[ky, c, a].ravel()[:] = total
+        rows, total = parts.reshape(2, cells, lines, -1), np.empty(n * lanes)
+        for line in range(lines):
+            for ky in range(blocks.shape[0]):
+                _add_parts(rows, line, across[odd[c], :, :, ky], total)
+                blocks[ky, c, line, a].ravel()[:] = total
 
 
 @view_kernel
@@ -214,12 +215,12 @@ def _add_columns(samples: Array, along: Array, room: Array, parts: Array) -> Non
 
 
 @view_kernel
-def _add_parts(rows: Array, weights: Array, total: Array) -> None:
-    """Set total to sum_j weights[0, j] rows[0, j, :] + weights[1, j] rows[1, j, :]."""
+def _add_parts(rows: Array, line: int, weights: Array, total: Array) -> None:
+    """Set total to sum_j weights[0, j] rows[0, j, line, :] + weights[1, j] rows[1, j, line, :]."""
     total[:] = 0.0
     for j in range(rows.shape[1]):
         first, second = weights[0, j], weights[1, j]
-        even, uneven = rows[0, j], rows[1, j]
+        even, uneven = rows[0, j, line], rows[1, j, line]
         for k in range(total.size):
             total[k] = fused(first, even[k], fused(second, uneven[k], total[k]))
 

@@ -168,23 +168,23 @@ def _multiply_rows(
 ) -> None:
     """The frequencies ky and -ky at once: blocks odd under y -> -y change sign in between.
 
-    block : (components, F, lines, F, lanes)
+    block : (components, lines, F, F, lanes)
     parity : (F,), of the basis; kinds : (components,) each, `Parities`
     waves : at ky and at -ky, (F, n) each
     upper, lower : (components, F, n), overwritten, at ky and at -ky
     """
     components, functions, n = upper.shape
-    lines, lanes = block.shape[2], block.shape[4]
+    lines, lanes = block.shape[1], block.shape[4]
     mirrored, odd = kinds
     sources = np.zeros((lines, functions, 4, lanes), block.dtype)
     for q in range(functions):
         set_parts(waves[0][q], waves[1][q], parity[q], sources[:, q])
-    sums = np.empty((4, lines * lanes), block.dtype)
-    a, b, c, d = sums[0], sums[1], sums[2], sums[3]
+    sums = np.empty((functions, 4, lines * lanes), block.dtype)
     every = np.arange(functions)
     for component in range(components):
+        sum_products(block[component], every, sources, sums)
         for p in range(functions):
-            sum_products(block[component, p], every, sources, sums)
+            a, b, c, d = sums[p, 0], sums[p, 1], sums[p, 2], sums[p, 3]
             up, down = upper[component, p], lower[component, p]
             sign = mirrored[component] * parity[p]
             if odd[component]:

@@ -54,7 +54,7 @@ FORCES, POTENTIAL = Parities((1, -1, -1), (True, True, False)), Parities((1,), (
 def lines_and_lanes(columns: int, precision: DTypeLike) -> tuple[int, int]:
     """How many cache lines hold so many numbers, and how many numbers one of them.
 
-    Blocks are kept in the order in which `sum_products` reads them: all its terms for one line.
+    Blocks are kept in the order in which `sum_products` reads them: all of one line, target after target.
     """
     lanes = LINE // np.dtype(precision).itemsize
     return -(-columns // lanes), lanes
@@ -65,9 +65,9 @@ class Spectra(NamedTuple):
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, 2M + 1, lines, 2M + 1, lanes) float32 or float64
+    blocks : (Py//2 + 1, components, lines, 2M + 1, 2M + 1, lanes) float32 or float64
         -eps0 h^2 times the transform of forces, without their factor i, eps0 h^2 times that of the
-        potential; axis order (ky, component, p, kx, q, kx), see `lines_and_lanes`.
+        potential; axis order (ky, component, kx, p, q, kx), see `lines_and_lanes`.
     padded : (Py, Px)
         Lengths of the transforms, even.
     """
@@ -131,7 +131,7 @@ class AngularKernel:
         half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
         half[odd_x & odd_y] *= -1.0
         lines, lanes = lines_and_lanes(half.shape[-1], half.dtype)
-        shape = y_waves[0].shape[1], components, functions, lines, functions, lanes
+        shape = y_waves[0].shape[1], components, lines, functions, functions, lanes
         blocks: Real = np.empty(shape, half.dtype)
         _add_rows(half, (self._scale * np.array(y_waves)).astype(half.dtype), odd_y, blocks)
         return Spectra(blocks, padded)
@@ -144,7 +144,7 @@ def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> 
     half : (components, F, F, R + 1, kx); waves : (2, R + 1, ky)
     """
     components, functions = odd.shape[:2]
-    padded = blocks.shape[3] * blocks.shape[5]
+    padded = blocks.shape[2] * blocks.shape[5]
     for task in numba.prange(components * functions):
         c, p = task // functions, task % functions
         total = np.zeros(padded, blocks.dtype)
@@ -157,7 +157,7 @@ def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> 
                     weight, part = wave[j, ky], rows[j]
                     for k in range(part.size):
                         row[k] += weight * part[k]
-                in_lines(total, blocks[ky, c, p, :, q])
+                in_lines(total, blocks[ky, c, :, p, q])
 
 
 @view_kernel

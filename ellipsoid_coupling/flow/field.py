@@ -125,8 +125,9 @@ def sample_flow(
     psi_xx = gx * gx * (w0 * k0 + w1 * k1 + w2 * k2 + w3 * k3)
     psi_xy = gx * gy * (e0 * (m1 - m0) + e1 * (m2 - m1) + e2 * (m3 - m2))
     psi_yy = gy * gy * (q * (v2 - 2.0 * v1 + v0) + r * (v3 - 2.0 * v2 + v1))
-    inside = flow.x_low <= x <= flow.x_high and flow.y_low <= y <= flow.y_high
-    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside and flow.mask[i, j] != 0
+    # `and` would branch, which takes as long as all of the above.
+    inside = (flow.x_low <= x) & (x <= flow.x_high) & (flow.y_low <= y) & (y <= flow.y_high)
+    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside & (flow.mask[i, j] != 0)
 
 
 @kernel

@@ -20,6 +20,7 @@ ORDER = [
     "seal",
     "interruption",
     "instructions",
+    "registers",
     "kernels",
     "scenes",
     "physics",

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel, parallel_kernel, threads_for
+from ellipsoid_coupling.kernels import kernel, parallel_kernel, threads_for, view_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
@@ -66,7 +66,7 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     return mass, float(rows[:, _LEAST].min()), speeds
 
 
-@kernel
+@view_kernel
 def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floats) -> None:
     """Lane by lane: squares += v^2, largest = max(largest, |F|)."""
     for lane in range(velocity.size):
@@ -74,11 +74,33 @@ def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floa
         largest[lane] = max(largest[lane], abs(force[lane]))
 
 
-@kernel
+@view_kernel
 def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> None:
     """Lane by lane, how many places are not within low .. high; NaN is not."""
     for lane in range(place.size):
-        outside[lane] += 0.0 if low <= place[lane] <= high else 1.0
+        # `and` would branch: twice as slow.
+        within = (low <= place[lane]) & (place[lane] <= high)
+        outside[lane] += 0.0 if within else 1.0
+
+
+@view_kernel
+def _add_realisation(
+    place: Floats,
+    velocity: Floats,
+    force: Floats,
+    box: Floats | None,
+    lanes: tuple[Floats, Floats, Floats],
+) -> None:
+    """One realisation's (D, N) to `lanes`: squares and largest (2, lanes), outside (lanes,)."""
+    squares, largest, outside = lanes
+    components, number = velocity.shape
+    for d in range(components):
+        kind = 1 if d == 2 else 0
+        for first in range(0, number, _LANES):
+            run = slice(first, min(first + _LANES, number))
+            _add_squares(squares[kind], largest[kind], velocity[d, run], force[d, run])
+            if box is not None and d < 2:
+                _add_outside(outside, place[d, run], box[d, 0], box[d, 1])
 
 
 @kernel
@@ -97,17 +119,11 @@ def survey_particles(
     -------
     v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
     """
-    realisations, components, number = velocity.shape
+    realisations, _, number = velocity.shape
     squares, largest = np.zeros((2, _LANES)), np.zeros((2, _LANES))
     outside = np.zeros(_LANES)
     for k in range(realisations):
-        for d in range(components):
-            kind = 1 if d == 2 else 0
-            for first in range(0, number, _LANES):
-                run = slice(first, min(first + _LANES, number))
-                _add_squares(squares[kind], largest[kind], velocity[k, d, run], force[k, d, run])
-                if box is not None and d < 2:
-                    _add_outside(outside, place[k, d, run], box[d, 0], box[d, 1])
+        _add_realisation(place[k], velocity[k], force[k], box, (squares, largest, outside))
     count = realisations * number
     v, omega = math.sqrt(squares[0].sum() / count), math.sqrt(squares[1].sum() / count)
     return v, omega, largest[0].max(), largest[1].max(), int(outside.sum())

@@ -8,7 +8,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel, parallel_kernel, threads_for, view_kernel
+from ellipsoid_coupling.kernels import (
+    for_each,
+    kernel,
+    parallel_kernel,
+    shares,
+    threads_for,
+    view_kernel,
+)
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 
@@ -19,6 +26,9 @@ _CELLS_PER_THREAD = 20_000
 
 # Sums and extremes over particles are kept in so many lanes, which do not wait for one another.
 _LANES = 64
+# Realisations are dealt out in so many parts at most, of so many numbers each: to look at those takes
+# as long as to wake a thread.
+_PARTS, _NUMBERS_PER_PART = 8, 100_000
 
 # A sum, the least density, the sums of rho |v|^2 and of rho omega^2.
 _MASS, _LEAST, _MOTION, _SPIN = range(4)
@@ -84,26 +94,33 @@ def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> Non
 
 
 @view_kernel
-def _add_realisation(
+def _survey_some(
     place: Floats,
     velocity: Floats,
     force: Floats,
     box: Floats | None,
-    lanes: tuple[Floats, Floats, Floats],
+    realisations: tuple[int, int],
+    lanes: Floats,
 ) -> None:
-    """One realisation's (D, N) to `lanes`: squares and largest (2, lanes), outside (lanes,)."""
-    squares, largest, outside = lanes
-    components, number = velocity.shape
-    for d in range(components):
-        kind = 1 if d == 2 else 0
-        for first in range(0, number, _LANES):
-            run = slice(first, min(first + _LANES, number))
-            _add_squares(squares[kind], largest[kind], velocity[d, run], force[d, run])
-            if box is not None and d < 2:
-                _add_outside(outside, place[d, run], box[d, 0], box[d, 1])
+    """Some realisations to `lanes` (5, lanes): squares of v and omega, largest |F| of both, outside."""
+    _, components, number = velocity.shape
+    for k in range(realisations[0], realisations[1]):
+        for d in range(components):
+            kind = 1 if d == 2 else 0
+            for first in range(0, number, _LANES):
+                run = slice(first, min(first + _LANES, number))
+                _add_squares(lanes[kind], lanes[2 + kind], velocity[k, d, run], force[k, d, run])
+                if box is not None and d < 2:
+                    _add_outside(lanes[4], place[k, d, run], box[d, 0], box[d, 1])
 
 
 @kernel
+def _in_all(lanes: Floats, count: int) -> tuple[float, float, float, float, int]:
+    """What `survey_particles` returns, of (parts, 5, lanes)."""
+    v, omega = math.sqrt(lanes[:, 0].sum() / count), math.sqrt(lanes[:, 1].sum() / count)
+    return v, omega, lanes[:, 2].max(), lanes[:, 3].max(), int(lanes[:, 4].sum())
+
+
 def survey_particles(
     place: Floats, velocity: Floats, force: Floats, box: Floats | None
 ) -> tuple[float, float, float, float, int]:
@@ -120,13 +137,10 @@ def survey_particles(
     v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
     """
     realisations, _, number = velocity.shape
-    squares, largest = np.zeros((2, _LANES)), np.zeros((2, _LANES))
-    outside = np.zeros(_LANES)
-    for k in range(realisations):
-        _add_realisation(place[k], velocity[k], force[k], box, (squares, largest, outside))
-    count = realisations * number
-    v, omega = math.sqrt(squares[0].sum() / count), math.sqrt(squares[1].sum() / count)
-    return v, omega, largest[0].max(), largest[1].max(), int(outside.sum())
+    parts = shares(realisations, min(_PARTS, velocity.size // _NUMBERS_PER_PART))
+    lanes, here = np.zeros((len(parts), 5, _LANES)), (place, velocity, force, box)
+    for_each(len(parts), lambda k: _survey_some(*here, parts[k], lanes[k]))
+    return _in_all(lanes, realisations * number)
 
 
 def largest_magnitude(values: NDArray[np.floating] | None) -> float:

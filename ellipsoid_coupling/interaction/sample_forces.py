@@ -134,22 +134,20 @@ class SampleInteraction:
         """
         room, nodes = self._room, self.nodes
         slots = room.array("slots", (place.shape[0] * place.shape[2],), np.int64)
-        samples, begin = sort_by_row(place, nodes, slots, room)
-        if len(samples) == 0:
+        here = sort_by_row(place, nodes, slots, room)
+        if len(here.samples) == 0:
             return
         functions = 2 * self.harmonics + 1
-        mass = 1.0 / slots.size
-        row, column, sources = _crop(deposit(samples, begin, nodes, functions, mass, room))
-        columns = sources.shape[2]
-        shape = *sources.shape[1:], padded(functions)
+        sources = deposit(here, nodes, functions, 1.0 / slots.size, room)
+        shape = *here.extent, padded(functions)
         potential: Real = room.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:
-            potential[part, :, :functions] = fields[0, :, :, :columns].transpose(1, 2, 0)
+            potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
             potential[part, :, functions:] = 0.0
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
-        found = interpolate(samples, nodes, (row, column), potential, functions, room)
+        found = interpolate(here.samples, nodes, here.corner, potential, functions, room)
         add_to(force, found, weights, slots)
 
 
@@ -175,14 +173,3 @@ def _undo_splines(length: int) -> Array:
     """1/b^2 at the frequencies of a transform, (length//2 + 1,)."""
     waves = 2.0 * np.pi * np.arange(length // 2 + 1) / length
     return np.asarray((3.0 / (2.0 + np.cos(waves))) ** 2)
-
-
-def _crop(sources: Array) -> tuple[int, int, Array]:
-    """First row, first column and the part of the nodes that any sample's stencil touches.
-
-    s_0 is the density. The last weight of a sample that lies on a node is 0, hence one node more.
-    """
-    rows = np.flatnonzero(sources[0].any(axis=1))
-    columns = np.flatnonzero(sources[0].any(axis=0))
-    part = sources[:, rows[0] : rows[-1] + 2, columns[0] : columns[-1] + 2]
-    return int(rows[0]), int(columns[0]), part

@@ -76,10 +76,19 @@ def _first_node(coordinate: float, low: float, inverse_h: float, count: int) -> 
 
 @kernel
 def _count_rows(
-    place: Array, blocks: tuple[int, int], nodes: Nodes, slots: Indices, counts: Indices
+    place: Array,
+    blocks: tuple[int, int],
+    nodes: Nodes,
+    slots: Indices,
+    counts: Indices,
+    columns: Indices,
 ) -> None:
-    """Write each sample's first row of nodes to `slots`, -1 beyond the nodes, and count them."""
+    """Write each sample's first row of nodes to `slots`, -1 beyond the nodes, and count them.
+
+    columns : (2,), overwritten by the least and the largest first column.
+    """
     size = place.shape[2]
+    least, largest = nodes.columns, -1
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
             row = _first_node(place[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
@@ -88,6 +97,8 @@ def _count_rows(
             slots[k * size + j] = row
             if row >= 0:
                 counts[row] += 1
+                least, largest = min(least, column), max(largest, column)
+    columns[0], columns[1] = least, largest
 
 
 @kernel
@@ -121,10 +132,23 @@ def _set_starts(counts: Indices) -> Indices:
     return begin
 
 
-def sort_by_row(
-    place: Array, nodes: Nodes, slots: Indices, room: KeptArrays
-) -> tuple[Array, Indices]:
+class Sorted(NamedTuple):
     """Copies of the samples within the nodes, sorted by the first row of their nodes.
+
+    samples : (n, D) float64
+    begin : (rows + 1,) int64, where the samples of each row begin
+    corner : the first row and the first column of nodes that any sample's stencil has
+    extent : how many rows and columns all stencils have; (0, 0) without samples
+    """
+
+    samples: Array
+    begin: Indices
+    corner: tuple[int, int]
+    extent: tuple[int, int]
+
+
+def sort_by_row(place: Array, nodes: Nodes, slots: Indices, room: KeptArrays) -> Sorted:
+    """Sort the samples; what lies beyond the nodes is left out.
 
     A stable counting sort, so that whatever is done in this order, and what follows in the former
     one, goes through memory row by row.
@@ -137,20 +161,24 @@ def sort_by_row(
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
     room : KeptArrays
         What the samples are copied to, until the next call.
-
-    Returns
-    -------
-    samples : (n, D) float64
-    begin : (rows + 1,) int64
-        Where the samples of each row begin.
     """
     blocks = shares(len(place), min(PARTS, slots.size // _LEAST_SORTED))
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
-    for_each(len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k]))
+    columns = np.empty((len(blocks), 2), np.int64)
+    for_each(
+        len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k], columns[k])
+    )
     begin: Indices = _set_starts(counts)
     samples = room.array("samples", (begin[-1], place.shape[1]), np.float64)
     for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
-    return samples, begin
+    rows = np.flatnonzero(np.diff(begin))
+    if rows.size == 0:
+        return Sorted(samples, begin, (0, 0), (0, 0))
+    corner = int(rows[0]), int(columns[:, 0].min())
+    last = int(rows[-1]), int(columns[:, 1].max())
+    return Sorted(
+        samples, begin, corner, (last[0] - corner[0] + STENCIL, last[1] - corner[1] + STENCIL)
+    )
 
 
 def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
@@ -250,41 +278,40 @@ def windows_of(begin: Indices) -> Windows:
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
 
-def deposit(
-    samples: Array, begin: Indices, nodes: Nodes, functions: int, mass: float, room: KeptArrays
-) -> Array:
-    """s_q at the nodes, (functions, rows, columns), of samples sorted by row; kept in `room`.
+def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, room: KeptArrays) -> Array:
+    """s_q at the nodes of all stencils, (functions, *here.extent); kept in `room`.
 
     Every part of the samples deposits into rows of its own; these are added up in the parts' order.
     """
+    samples, begin, corner, extent = here
     windows = windows_of(begin)
     parts, first, offsets = windows
-    shape = int(offsets[-1]), nodes.columns, padded(functions)
+    shape = int(offsets[-1]), extent[1], padded(functions)
     partial = room.array("windows", shape, np.float64)
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
-        some = samples[parts[k] : parts[k + 1]]
-        bases = np.zeros((_BATCH, 1, window.shape[2]))
-        _deposit(some, int(first[k]), nodes, functions, np.empty((2, _BATCH)), bases, window)
+        some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
+        work = np.empty((2, _BATCH)), np.zeros((_BATCH, 1, window.shape[2]))
+        _deposit(some, at, nodes, functions, work, window)
 
     for_each(first.size, put)
-    sources = room.array("sources", (functions, nodes.rows, nodes.columns), np.float64)
-    rows = shares(nodes.rows, first.size)
-    for_each(len(rows), lambda k: _add_windows(partial, windows, mass, rows[k], sources))
+    sources = room.array("sources", (functions, *extent), np.float64)
+    rows = shares(extent[0], first.size)
+    for_each(len(rows), lambda k: _add_windows(partial, windows, mass, corner[0], rows[k], sources))
     return sources
 
 
 @view_kernel
 def _deposit(
     samples: Array,
-    first: int,
+    corner: tuple[int, int],
     nodes: Nodes,
     functions: int,
-    waves: Array,
-    bases: Array,
+    work: tuple[Array, Array],
     window: Array,
 ) -> None:
+    waves, bases = work
     window[:] = 0.0
     for begin in range(0, samples.shape[0], _BATCH):
         some = samples[begin : begin + _BATCH]
@@ -292,19 +319,26 @@ def _deposit(
         for i in range(some.shape[0]):
             row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
             along_y, along_x = _spline_weights(up), _spline_weights(across)
-            add_stencil(window, (row - first, column), along_y, along_x, bases[i, 0])
+            at = row - corner[0], column - corner[1]
+            add_stencil(window, at, along_y, along_x, bases[i, 0])
 
 
 @kernel
 def _add_windows(
-    partial: Array, windows: Windows, scale: float, rows: tuple[int, int], sources: Array
+    partial: Array,
+    windows: Windows,
+    scale: float,
+    first_row: int,
+    rows: tuple[int, int],
+    sources: Array,
 ) -> None:
-    """Add up the windows' rows; functions come to the front."""
+    """Add up the windows' rows, counted from the first one of all; functions come to the front."""
     _, first, offsets = windows
+    total = np.empty(partial.shape[1:])
     for row in range(rows[0], rows[1]):
-        total = np.zeros(partial.shape[1:])
+        total[:] = 0.0
         for part in range(first.size):
-            at = row - first[part]
+            at = first_row + row - first[part]
             if 0 <= at < offsets[part + 1] - offsets[part]:
                 total += partial[offsets[part] + at]
         for p in range(sources.shape[0]):

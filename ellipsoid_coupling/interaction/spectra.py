@@ -150,14 +150,25 @@ def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> 
         total = np.zeros(padded, blocks.dtype)
         for ky in range(blocks.shape[0]):
             for q in range(functions):
-                wave, rows = waves[1 if odd[c, p, q] else 0], half[c, p, q]
-                row = total[: rows.shape[1]]
-                row[:] = 0.0
-                for j in range(rows.shape[0]):
-                    weight, part = wave[j, ky], rows[j]
-                    for k in range(part.size):
-                        row[k] += weight * part[k]
+                rows = half[c, p, q]
+                _add_up(rows, waves[1 if odd[c, p, q] else 0, :, ky], total[: rows.shape[1]])
                 in_lines(total, blocks[ky, c, :, p, q])
+
+
+@view_kernel
+def _add_up(rows: Real, weights: Real, total: Real) -> None:
+    """Set total to sum_j weights[j] rows[j], four rows at a time: it is read and written less often."""
+    total[:] = 0.0
+    whole = rows.shape[0] - rows.shape[0] % 4
+    for j in range(0, whole, 4):
+        u, v, w, x = weights[j], weights[j + 1], weights[j + 2], weights[j + 3]
+        a, b, c, d = rows[j], rows[j + 1], rows[j + 2], rows[j + 3]
+        for k in range(total.size):
+            total[k] += (u * a[k] + v * b[k]) + (w * c[k] + x * d[k])
+    for j in range(whole, rows.shape[0]):
+        weight, row = weights[j], rows[j]
+        for k in range(total.size):
+            total[k] += weight * row[k]
 
 
 @view_kernel

@@ -31,7 +31,7 @@ def test_sorting_is_stable_and_leaves_out_what_is_beyond_the_nodes() -> None:
     place = rng.uniform(-0.3, 1.6, (7, 3, 50))
     place[2, 0, 3], place[3, 1, 4], place[4, :2, 5] = np.nan, np.inf, (-0.1, 0.2)
     slots = np.empty(350, np.int64)
-    samples, begin = sort_by_row(place, NODES, slots, KeptArrays())
+    samples, begin, corner, extent = sort_by_row(place, NODES, slots, KeptArrays())
     flat = place.transpose(0, 2, 1).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
         column = np.floor((flat[:, 0] - NODES.x_low) * NODES.inverse_h) - 1.0
@@ -45,6 +45,9 @@ def test_sorting_is_stable_and_leaves_out_what_is_beyond_the_nodes() -> None:
     np.testing.assert_array_equal(slots[order], np.arange(order.size))
     assert np.all(slots[~inside] == -1)
     np.testing.assert_array_equal(np.diff(begin), np.bincount(row[which].astype(int), minlength=12))
+    firsts = np.array([row[which], column[which]], np.int64)
+    assert list(corner) == firsts.min(axis=1).tolist()
+    assert list(extent) == (np.ptp(firsts, axis=1) + STENCIL).tolist()
 
 
 def test_what_is_found_goes_back_to_its_sample() -> None:
@@ -52,7 +55,7 @@ def test_what_is_found_goes_back_to_its_sample() -> None:
     rng = np.random.default_rng(1)
     place = rng.uniform(-0.3, 1.6, (3, 3, 20))
     slots = np.empty(60, np.int64)
-    samples, _ = sort_by_row(place, NODES, slots, KeptArrays())
+    samples = sort_by_row(place, NODES, slots, KeptArrays()).samples
     force = np.ones_like(place)
     add_to(force, samples, (2.0, 3.0), slots)
     here = (slots >= 0).reshape(3, 1, 20)
@@ -91,20 +94,28 @@ def test_to_the_nodes_and_back_against_scipy(harmonics: int, count: int) -> None
     rng, room = np.random.default_rng(2), KeptArrays()
     functions = 2 * harmonics + 1
     place = rng.uniform([[0.01], [0.31], [-9.0]], [[0.59], [1.19], [9.0]], (1, 3, count))
+    # Part of the nodes only, and where some are left out on all sides.
+    place[:, :2] = np.array([0.1, 0.3])[:, None] + 0.6 * place[:, :2]
     place = place if harmonics else place[:, :2].copy()
-    samples, begin = sort_by_row(place, NODES, np.empty(count, np.int64), room)
+    here = sort_by_row(place, NODES, np.empty(count, np.int64), room)
+    samples = here.samples
     assert len(samples) == count
+    (row, column), (rows, columns) = here.corner, here.extent
+    part = slice(row, row + rows), slice(column, column + columns)
     angle = samples[:, 2] if harmonics else np.zeros(count)
     basis, slopes = naive_basis(angle, harmonics)
     value, along_x, along_y = naive_weights(samples)
     for _ in range(2):
         # The second time in memory that is not new.
-        sources = deposit(samples, begin, NODES, functions, 0.5, room)
+        sources = deposit(here, NODES, functions, 0.5, room)
         expected = 0.5 * np.einsum("nji,np->pji", value, basis)
+        assert np.count_nonzero(expected) == np.count_nonzero(expected[:, *part])
+        expected = expected[:, *part]
         np.testing.assert_allclose(sources, expected, atol=1e-12 * np.abs(expected).max())
     potential = np.zeros((NODES.rows, NODES.columns, padded(functions)))
     potential[..., :functions] = rng.standard_normal((NODES.rows, NODES.columns, functions))
-    found = interpolate(samples, NODES, (0, 0), potential, functions, room)
+    here_only = np.ascontiguousarray(potential[part])
+    found = interpolate(samples, NODES, here.corner, here_only, functions, room)
     lanes = potential[..., :functions]
     parts = (along_x, basis), (along_y, basis), (value, slopes)
     for k in range(place.shape[1]):

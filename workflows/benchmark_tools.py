@@ -39,6 +39,7 @@ class Sizes:
     """How large the benchmarks are; `quick` is for a test that they run."""
 
     repeats: int = 7
+    pairs: int = 3
     particles: int = 1000
     realisations: int = 128
     clouds: tuple[int, ...] = (10_000, 100_000, 1_000_000)
@@ -55,7 +56,9 @@ class Sizes:
     @classmethod
     def quick(cls) -> Self:
         """Seconds instead of minutes."""
-        return cls(1, 100, 4, (1000, 2000), (1000, 2000), 16, 8, 24, 10**5, 0.1, 0.1, 0.05, False)
+        return cls(
+            1, 1, 100, 4, (1000, 2000), (1000, 2000), 16, 8, 24, 10**5, 0.1, 0.1, 0.05, False
+        )
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -176,9 +177,14 @@ def _part_row(row: FrontierRow, kind: Kind) -> tuple[str, ...]:
     return (*head, *seconds, f"{largest_error(row, kind):.4f}", *cells)
 
 
+def _number(value: float, form: str) -> str:
+    """A dash for what a level that was not run has not."""
+    return "-" if math.isnan(value) else format(value, form)
+
+
 def _print_frontier(frontier: Frontier) -> None:
     def numbers(values: Sequence[float]) -> str:
-        return "  ".join(f"{value:.3f}" for value in values)
+        return "  ".join(_number(value, ".3f") for value in values)
 
     times = ", ".join(f"{time:g}" for time in frontier.reference.times)
     rows = [
@@ -188,8 +194,8 @@ def _print_frontier(frontier: Frontier) -> None:
             row.resolution if row.status == "completed" else f"{row.resolution} {row.status}",
             numbers(row.density_errors),
             numbers(row.angle_errors),
-            f"{row.wall_seconds:.3g}",
-            f"{row.median_seconds:.3g}",
+            _number(row.wall_seconds, ".3g"),
+            _number(row.median_seconds, ".3g"),
         )
         for row in frontier.rows
     ]

@@ -87,7 +87,11 @@ def test_the_frontier_of_a_scene_has_tables_pictures_and_choices(
     """One scene, tiny ensembles, a tenth of a second a run."""
     arguments = ["--quick", "--scenes", "rotation", "--longest", "0.1", "--out", str(tmp_path)]
     folder = workflow("frontier").main(arguments)
-    assert capsys.readouterr().out.strip().splitlines()[-1] == str(folder)
+    printed = capsys.readouterr().out
+    assert printed.strip().splitlines()[-1] == str(folder)
+    # Levels that would take too long are told, without numbers.
+    assert "not run: would take" in printed
+    assert not re.search(r"\bnan\b", printed)
     names = {path.name for path in folder.iterdir()}
     pictures = {"error_against_run_time_rotation.png", "error_parts_rotation.png"}
     assert names == pictures | {"errors.csv", "errors.txt", "frontier.md"}

@@ -28,10 +28,13 @@ _uni_tuple: Any = types.UniTuple
 LINE = 64
 # How many lines ahead a stream of factors is asked for: 8 kB.
 _LINES_AHEAD = 128
-# Numbers in a vector in double precision.
+# Numbers in a line, or in a vector, in double precision.
 DOUBLES = LINE // 8
 _VECTOR = ir.VectorType(ir.DoubleType(), DOUBLES)
 _THREE = _uni_tuple(types.float64, 3)
+
+# Real and imaginary part at two frequencies.
+_PARTS = 4
 
 Four = tuple[float, float, float, float]
 
@@ -58,70 +61,89 @@ def sum_products(factors: Any, which: Any, sources: Any, sums: Any) -> None:
 def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: Any) -> Any:
     """The type of `sum_products`, and LLVM's instructions: 2 x 4 sums in registers."""
     del context
-    parts, bytes_each = 4, factors.dtype.bitwidth // 8
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         arrays = [
             context.make_array(kind)(context, builder, value)
             for kind, value in zip(signature.args, arguments, strict=True)
         ]
-        vector = ir.VectorType(context.get_value_type(factors.dtype), LINE // bytes_each)
+        number = context.get_value_type(factors.dtype)
+        vector = ir.VectorType(number, LINE * 8 // factors.dtype.bitwidth)
         nothing = ir.Constant(vector, [0.0] * vector.count)
         factor_data, _, source_data, sum_data = (
             builder.bitcast(array.data, vector.as_pointer()) for array in arrays
         )
         lines, terms = _unpack(builder, arrays[2].shape, 4)[:2]
         n = _unpack(builder, arrays[0].shape, 4)[1]
-        whole = lines.type
-        totals = [[_variable(builder, vector) for _ in range(parts)] for _ in range(2)]
-
-        def which_one(k: Any) -> Any:
-            return builder.load(builder.gep(arrays[1].data, [k]))
-
-        def load(data: Any, index: Any) -> Any:
-            value = builder.load(builder.gep(data, [index]))
-            value.align = bytes_each
-            return value
-
+        totals = [[_variable(builder, vector) for _ in range(_PARTS)] for _ in range(2)]
         with _counted_loop(builder, lines) as over_lines:
             line = over_lines.index
-            pairs = builder.sdiv(builder.add(terms, whole(1)), whole(2))
+            first_source = builder.mul(line, terms)
+            pairs = builder.sdiv(builder.add(terms, terms.type(1)), terms.type(2))
             with _counted_loop(builder, pairs) as over_pairs:
-                first = builder.mul(over_pairs.index, whole(2))
-                second = builder.add(first, whole(1))
-                # The last one of an odd number twice, with the same result.
-                in_range = builder.icmp_signed("<", second, terms)
-                targets = first, builder.select(in_range, second, first)
-                rows = [
-                    builder.mul(builder.add(builder.mul(line, n), which_one(k)), n) for k in targets
-                ]
+                targets = _pair(builder, over_pairs.index, terms)
                 for total in itertools.chain(*totals):
                     builder.store(nothing, total)
+                rows = []
+                for target in targets:
+                    one = builder.load(builder.gep(arrays[1].data, [target]))
+                    rows.append(builder.mul(builder.add(builder.mul(line, n), one), n))
                 with _counted_loop(builder, terms) as over_terms:
-                    term = over_terms.index
-                    places = [builder.add(row, which_one(term)) for row in rows]
-                    for place in places:
-                        ahead = builder.add(place, whole(_LINES_AHEAD))
-                        emit_prefetch(builder, builder.gep(factor_data, [ahead]))
-                    factor = [load(factor_data, place) for place in places]
-                    begin = builder.mul(builder.add(builder.mul(line, terms), term), whole(parts))
-                    for part in range(parts):
-                        source = load(source_data, builder.add(begin, whole(part)))
-                        for k, total in enumerate(totals):
-                            so_far = builder.load(total[part])
-                            more = _emit_fma(builder, factor[k], source, so_far)
-                            builder.store(more, total[part])
+                    column = builder.load(builder.gep(arrays[1].data, [over_terms.index]))
+                    places = [builder.add(row, column) for row in rows]
+                    source = builder.add(first_source, over_terms.index)
+                    _add_products(builder, (factor_data, places), (source_data, source), totals)
                 for target, total in zip(targets, totals, strict=True):
-                    for part in range(parts):
-                        row = builder.add(builder.mul(target, whole(parts)), whole(part))
+                    for part in range(_PARTS):
+                        row = builder.add(_times(builder, target, _PARTS), target.type(part))
                         place = builder.add(builder.mul(row, lines), line)
-                        stored = builder.store(
-                            builder.load(total[part]), builder.gep(sum_data, [place])
-                        )
-                        stored.align = bytes_each
+                        sum_here = builder.gep(sum_data, [place])
+                        builder.store(builder.load(total[part]), sum_here).align = _bytes(vector)
         return context.get_dummy_value()
 
     return types.none(factors, which, sources, sums), generate
+
+
+def _pair(builder: Any, index: Any, count: Any) -> tuple[Any, Any]:
+    """Two of `count` things; the last one of an odd number twice, which has the same result."""
+    first = _times(builder, index, 2)
+    second = builder.add(first, first.type(1))
+    return first, builder.select(builder.icmp_signed("<", second, count), second, first)
+
+
+def _add_products(
+    builder: Any,
+    factors: tuple[Any, list[Any]],
+    source: tuple[Any, Any],
+    totals: list[list[Any]],
+) -> None:
+    """Add one term to the sums of all parts of each target; ask for the factors that come later."""
+    data, places = factors
+    for place in places:
+        emit_prefetch(builder, builder.gep(data, [builder.add(place, place.type(_LINES_AHEAD))]))
+    loaded = [_load_line(builder, data, place) for place in places]
+    first = _times(builder, source[1], _PARTS)
+    for part in range(_PARTS):
+        value = _load_line(builder, source[0], builder.add(first, first.type(part)))
+        for factor, total in zip(loaded, totals, strict=True):
+            more = _emit_fma(builder, factor, value, builder.load(total[part]))
+            builder.store(more, total[part])
+
+
+def _load_line(builder: Any, data: Any, index: Any) -> Any:
+    """The vector with this index, whatever its numbers are, wherever they begin."""
+    value = builder.load(builder.gep(data, [index]))
+    value.align = _bytes(value.type)
+    return value
+
+
+def _bytes(vector: Any) -> int:
+    """Of one of a vector's numbers."""
+    return LINE // int(vector.count)
+
+
+def _times(builder: Any, index: Any, factor: int) -> Any:
+    return builder.mul(index, index.type(factor))
 
 
 _compiled_sum_products: Any = intrinsic(_sum_products)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angular import AngularSeries, angular_basis
 from ellipsoid_coupling.interaction.grid_forces import Array, Forces, check_fields, check_grid
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
     FORCES,
@@ -67,7 +68,7 @@ class HarmonicInteraction:
         kernel = AngularKernel(series, strength, self._precision)
         ladder = Ladder(grid_shape, kernel.cells, kernel.transform)
         self._convolve = Convolution(ladder, self._precision)
-        self._basis: Real = np.empty(0, self._precision)
+        self._room = KeptArrays()
 
     def __call__(self, density: Array, angle: Array) -> Forces:
         """See `GridInteraction`."""
@@ -81,9 +82,7 @@ class HarmonicInteraction:
 
     def _add_forces(self, density: Array, angle: Array, out: Array) -> None:
         functions = 2 * self.series.harmonics + 1
-        if self._basis.shape != (functions, *density.shape):
-            self._basis = np.empty((functions, *density.shape), self._precision)
-        basis = self._basis
+        basis: Real = self._room.array("basis", (functions, *density.shape), self._precision)
 
         def sources(part: slice) -> Real:
             angular_basis(angle[part], basis[:, part])

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.instructions import fetch_ahead
 from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
@@ -41,11 +42,6 @@ Floats = NDArray[np.float64]
 # of 800 x 800: 4.0 ms a sweep with 64 columns, 2.8 with 100).
 _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
 _WORK_ROWS = 5
-# Numbers in a line of the cache.
-_CACHE_LINE = 8
-# Outflow is computed for whole vectors of cells: the rest of a loop goes one cell at a time, which takes
-# as long as three vectors. What comes out beyond the run is not used.
-_VECTOR = 8
 # Cells between two rows from which on the second one is fetched.
 _FAR = 16
 # Runs that a thread takes at a time, at the most: they differ in length.
@@ -119,8 +115,12 @@ def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux
 
 @inline_kernel
 def _whole(width: int) -> int:
-    """So many cells are whole vectors."""
-    return (width + _VECTOR - 1) // _VECTOR * _VECTOR
+    """So many cells are whole vectors.
+
+    Outflow is computed for those: the rest of a loop goes one cell at a time, which takes as long as
+    three vectors. What comes out beyond the run is not used.
+    """
+    return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
 @view_kernel
@@ -190,7 +190,7 @@ def _fetch(fields: Floats, components: tuple[int, int], first: int, width: int) 
     """
     for k in range(components[0], components[1]):
         row = run_of(fields, k, first, width)
-        for i in range(0, width, _CACHE_LINE):
+        for i in range(0, width, DOUBLES):
             fetch_ahead(row, i)
 
 

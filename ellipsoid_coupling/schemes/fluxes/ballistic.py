@@ -51,7 +51,7 @@ _CARRIED_LIMIT = 1.5
 # An extremum that bends by less than this part of the value is smooth, and kept. Flattening it would
 # cost an order: without pressure an error of the velocity becomes its derivative in the density.
 _SMOOTH = 0.05
-# Strict floating point divides where it is told to, which takes ten times as long.
+# A factor: in strict floating point a division by 12 stays one.
 _TWELFTH = 1.0 / 12.0
 
 

@@ -17,7 +17,10 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
 import numba
-from numba.core import event
+from numba.core import compiler, event
+
+# Numba ships half of its types: this class has none.
+_compiler: Any = compiler.Compiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -75,6 +78,26 @@ def view_kernel(function: Function) -> Function:
     a kernel must not return an array either, which its caller would believe counted.
     """
     options = KERNEL_OPTIONS | {"_nrt": False}
+    compiled = numba.njit(cache=True, nogil=True, **options)(function)
+    return cast(Function, compiled)
+
+
+def _declare_apart(pipeline: Any) -> Any:
+    """Numba's own passes, with the flag by which it declares a kernel's arguments apart."""
+    pipeline.state.flags.noalias = True
+    return _compiler.define_pipelines(pipeline)
+
+
+_Apart = type("_Apart", (_compiler,), {"define_pipelines": _declare_apart})
+
+
+def apart_kernel(function: Function) -> Function:
+    """A `view_kernel` whose arguments share no memory that it writes to, so that its loops vectorise.
+
+    To make sure of that at run time, as other kernels do, LLVM would have to compare every two
+    addresses, and gives up at some ten. What two arguments may share is what is only read.
+    """
+    options = KERNEL_OPTIONS | {"_nrt": False, "pipeline_class": _Apart}
     compiled = numba.njit(cache=True, nogil=True, **options)(function)
     return cast(Function, compiled)
 

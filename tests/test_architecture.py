@@ -22,6 +22,7 @@ ORDER = [
     "instructions",
     "registers",
     "kernels",
+    "tuples",
     "scenes",
     "physics",
     "flow",

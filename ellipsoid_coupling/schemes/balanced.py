@@ -34,13 +34,13 @@ from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
 from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
-from ellipsoid_coupling.schemes.fluxes.contract import run_of
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
 from ellipsoid_coupling.schemes.q_sources import accelerations, largest_step, shorter
 from ellipsoid_coupling.schemes.q_splitting import QSystem
 from ellipsoid_coupling.schemes.sources import exact_gain
+from ellipsoid_coupling.tuples import run_of
 
 Floats = NDArray[np.float64]
 

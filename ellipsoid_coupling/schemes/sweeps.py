@@ -19,20 +19,26 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.instructions import fetch_ahead
-from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
-    Inverse,
-    Span,
-    at_faces,
-    invert,
-    outflow,
-    run_of,
+    Stencil,
+    kept_for,
+    through_face,
 )
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.tuples import (
+    Rows,
+    Values,
+    each,
+    element,
+    fetch,
+    load,
+    rows_at,
+    store,
+)
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +47,6 @@ Floats = NDArray[np.float64]
 # columns, 131 with 150); narrow where there are few lines, so that threads can share them (an r-grid
 # of 800 x 800: 4.0 ms a sweep with 64 columns, 2.8 with 100).
 _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
-_WORK_ROWS = 5
 # Cells between two rows from which on the second one is fetched.
 _FAR = 16
 # Runs that a thread takes at a time, at the most: they differ in length.
@@ -51,7 +56,7 @@ _CHUNK = 16
 def bundle_width(columns: int, lines: int) -> int:
     """How many of `columns` march together on each of `lines`; all bundles but the last are alike."""
     most = _WIDE if lines >= _MANY_LINES else _NARROW
-    return -(-columns // -(-columns // most))
+    return int(_whole(-(-columns // -(-columns // most))))
 
 
 class Runs(NamedTuple):
@@ -66,199 +71,232 @@ class Runs(NamedTuple):
     width: NDArray[np.int64]
 
 
-class _Exchange(NamedTuple):
-    """What the cells of a run give and get in a step, each (K, width and more).
-
-    up, down : their own outflow; below, above : those of their lower and upper neighbours.
-    at : the columns where each of the four begins.
-    """
-
-    up: Floats
-    down: Floats
-    below: Floats
-    above: Floats
-    at: tuple[int, int, int, int]
-
-
-@view_kernel
-def _update(fields: Floats, first: int, width: int, moved: _Exchange, flux: Flux) -> None:
-    """U -= leaving, U += entering, for a run of cells; what is as thin as the vacuum is emptied.
-
-    Written so that NaN is no vacuum: it shall be found.
-    """
-    vacuum = flux.vacuum
-    density = run_of(fields, DENSITY, first, width)
-    for k in range(fields.shape[0]):
-        content = run_of(fields, k, first, width)
-        up = run_of(moved.up, k, moved.at[0], width)
-        down = run_of(moved.down, k, moved.at[1], width)
-        below = run_of(moved.below, k, moved.at[2], width)
-        above = run_of(moved.above, k, moved.at[3], width)
-        if at_faces(flux):
-            if k == DENSITY:
-                for i in range(width):
-                    new = density[i] + (below[i] - up[i])
-                    density[i] = 0.0 if new <= vacuum else new
-            else:
-                for i in range(width):
-                    new = content[i] + (below[i] - up[i])
-                    content[i] = 0.0 if density[i] == 0.0 else new
-        elif k == DENSITY:
-            for i in range(width):
-                new = density[i] + (below[i] + above[i] - up[i] - down[i])
-                density[i] = 0.0 if new <= vacuum else new
-        else:
-            for i in range(width):
-                new = content[i] + (below[i] + above[i] - up[i] - down[i])
-                content[i] = 0.0 if density[i] == 0.0 else new
-
-
 @inline_kernel
 def _whole(width: int) -> int:
     """So many cells are whole vectors.
 
-    Outflow is computed for those: the rest of a loop goes one cell at a time, which takes as long as
-    three vectors. What comes out beyond the run is not used.
+    Loops go on to there, and do not write what lies beyond: the rest of a loop would go one cell at
+    a time, which takes as long as three vectors.
     """
     return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
+@inline_kernel
+def _nothing(_: float) -> float:
+    return 0.0
+
+
+@inline_kernel
+def _updated(empty: bool, content: float, entering: float, leaving: float) -> float:
+    """U + F_- - F_+; nothing where the density has come to nothing."""
+    return 0.0 if empty else content + (entering - leaving)
+
+
+@inline_kernel
+def _inverse(density: float, vacuum: float) -> float:
+    """1/rho, 0 in vacuum."""
+    return 1.0 / density if density > vacuum else 0.0
+
+
+@inline_kernel
+def _update(flux: Flux, cell: Values, entering: Values, leaving: Values) -> Values:
+    """What a cell holds after the step; what is as thin as the vacuum is emptied.
+
+    Written so that NaN is no vacuum: it shall be found.
+    """
+    new = cell[DENSITY] + (entering[DENSITY] - leaving[DENSITY])
+    updated: Values = each(_updated, (new <= flux.vacuum,), (cell, entering, leaving))
+    return updated
+
+
 @view_kernel
-def _mass(flux: Flux, up: Floats, down: Floats) -> float:
-    """The mass of two streams: what goes up through the faces of one row less what comes down."""
-    upwards: float = up.sum()
-    return upwards if at_faces(flux) else upwards - down.sum()
+def _invert(fields: Floats, first: int, vacuum: float, inverse: Floats) -> None:
+    """1/rho of the cells from `first` on, as many as `inverse` has room for."""
+    density = fields[DENSITY, first : first + inverse.size]
+    for i in range(inverse.size):
+        inverse[i] = _inverse(density[i], vacuum)
+
+
+@apart_kernel
+def _along(
+    flux: Flux,
+    cells: Rows,
+    cell: int,
+    width: int,
+    ratio: float,
+    inverses: Floats,
+    through: Floats,
+) -> None:
+    """Step `width` neighbours along x, of which two `cells` before them are the first.
+
+    cell : their flat index; inverses : 1/rho from there on.
+    through : overwritten by the mass that goes up through the face above cells[i], for each i.
+    """
+    leaving = each(_nothing, (), (load(cells, 0),))
+    up = kept_for(flux, leaving)
+    for i in range(through.size):
+        here = Stencil(
+            load(cells, i),
+            load(cells, i + 1),
+            load(cells, i + 2),
+            (inverses[i], element(inverses, i + 1), element(inverses, i + 2)),
+            cell + i + 1,
+            1,
+        )
+        entering = leaving
+        leaving, up = through_face(flux, here, up, ratio)
+        through[i] = leaving[DENSITY]
+        if i >= GHOSTS and i < width + GHOSTS:
+            store(cells, i, _update(flux, here.below, entering, leaving))
 
 
 @parallel_kernel
 def _sweep_rows(
     flux: Flux,
     fields: Floats,
+    components: tuple[int, ...],
     runs: Runs,
-    normal: int,
     ratio: float,
     tasks: int,
     gone: Floats,
 ) -> None:
-    components = fields.shape[0]
     starts, counts, _ = runs
     longest = _whole(counts.max() + 2)
     for task in numba.prange(tasks):
-        up = np.empty((components, longest))
-        down = np.empty((components, longest))
-        work = np.empty((_WORK_ROWS, longest))
-        inverses = np.empty(longest + 2)
-        moved = _Exchange(up, down, up, down, (1, 1, 0, 2))
+        inverses, through = np.empty(longest + 2), np.empty(longest)
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
-            here = Span(starts[row] - 1, counts[row] + 2, 1, normal)
+            first, width = starts[row] - GHOSTS, counts[row]
             # Where the next row does not follow at once, the processor does not read on by itself.
-            if row + 1 < starts.size and starts[row + 1] - starts[row] > counts[row] + _FAR:
-                _fetch(fields, (0, components), starts[row + 1] - 2, counts[row + 1] + 4)
-            gone[row] = _sweep_row(flux, fields, here, ratio, moved, inverses, work)
+            if row + 1 < starts.size and starts[row + 1] - starts[row] > width + _FAR:
+                ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
+                _fetch(ahead, counts[row + 1] + 2 * GHOSTS)
+            whole = _whole(width + 2)
+            _invert(fields, first, flux.vacuum, inverses[: whole + 2])
+            cells = rows_at(fields, components, first)
+            _along(flux, cells, first, width, ratio, inverses, through[:whole])
+            gone[row] = through[width + 1] - through[1]
 
 
 @view_kernel
-def _sweep_row(
-    flux: Flux,
-    fields: Floats,
-    here: Span,
-    ratio: float,
-    moved: _Exchange,
-    inverses: Floats,
-    work: Floats,
-) -> float:
-    """Sweep a row of cells along itself; `here` has one more cell at either end.
-
-    Returns the mass that has left through both ends, less what came in.
-    """
-    n = here.width - 2
-    cells = Span(here.start, _whole(here.width), here.stride, here.normal)
-    invert(fields, cells.start - 1, flux.vacuum, inverses[: cells.width + 2])
-    inverse = Inverse(inverses[1:], inverses[2:], inverses)
-    outflow(flux, fields, cells, inverse, ratio, moved.up, moved.down, work)
-    up, down = moved.up[DENSITY], moved.down[DENSITY]
-    gone = _mass(flux, up[n : n + 1], down[n + 1 : n + 2]) - _mass(flux, up[:1], down[1:2])
-    _update(fields, here.start + 1, n, moved, flux)
-    return gone
-
-
-@view_kernel
-def _fetch(fields: Floats, components: tuple[int, int], first: int, width: int) -> None:
-    """Ask for a row before it is needed: the processor does not guess strides as long as a plane.
-
-    A few components at a time: what is on its way has few places, and waits for the rest of them.
-    """
-    for k in range(components[0], components[1]):
-        row = run_of(fields, k, first, width)
-        for i in range(0, width, DOUBLES):
-            fetch_ahead(row, i)
+def _fetch(rows: Rows, width: int) -> None:
+    """Ask for rows before they are needed: the processor does not guess strides as long as a plane."""
+    for i in range(0, width, DOUBLES):
+        fetch(rows, i)
 
 
 class _Room(NamedTuple):
-    """What a march of a bundle writes to on its way: the last three rows' outflow and inverses.
+    """What a march writes to on its way, rows as long as whole vectors.
 
-    Rows are as long as whole vectors.
+    Attributes
+    ----------
+    faces, ups : K rows each
+        What has gone through the last face, and what is kept for the next one.
+    inverse : 1/rho of the row before, and of the row that goes in and out next.
     """
 
-    up: Floats
-    down: Floats
-    inverses: Floats
-    work: Floats
+    faces: Rows
+    ups: Rows
+    before: Floats
+    here: Floats
+
+
+@apart_kernel
+def _across(
+    flux: Flux,
+    rows: tuple[Rows, Rows, Rows],
+    cell: int,
+    stride: int,
+    width: int,
+    ratio: float,
+    room: _Room,
+) -> None:
+    """Step one row of `width` columns: the lowest of three `rows`, now that both its faces are known.
+
+    cell : flat index of the middle one.
+    """
+    below, here, above = rows
+    for i in range(room.here.size):
+        highest = load(above, i)
+        inverse = (room.before[i], room.here[i], _inverse(highest[DENSITY], flux.vacuum))
+        stencil = Stencil(load(below, i), load(here, i), highest, inverse, cell + i, stride)
+        leaving, up = through_face(flux, stencil, load(room.ups, i), ratio)
+        new = _update(flux, stencil.below, load(room.faces, i), leaving)
+        if i < width:
+            store(below, i, new)
+        store(room.faces, i, leaving)
+        store(room.ups, i, up)
+        room.before[i] = inverse[1]
+        room.here[i] = inverse[2]
+
+
+@apart_kernel
+def _copy(rows: Rows, copies: Rows, width: int) -> None:
+    for i in range(width):
+        store(copies, i, load(rows, i))
 
 
 @view_kernel
 def _march(
-    flux: Flux, fields: Floats, begin: int, n: int, span: Span, ratio: float, room: _Room
+    flux: Flux,
+    fields: Floats,
+    components: tuple[int, ...],
+    run: tuple[int, int, int],
+    stride: int,
+    ratio: float,
+    room: Floats,
 ) -> float:
-    """Sweep a bundle of span.width columns; `begin` is its first interior row's flat index.
+    """Sweep a bundle of columns; `run` is its first cell's flat index, its length and its width.
 
+    room : (4, K, whole vectors), all zero.
     Returns the mass that has left through both ends, less what came in.
     """
-    width, stride = span.width, span.stride
-    up, down, inverses, work = room
+    first, length, width = run
+    ends, faces = rows_at(room[0], components, 0), rows_at(room[1], components, 0)
+    ups = kept_for(flux, rows_at(room[2], components, 0))
+    before, here = room[3, 0], room[3, 1]
+    # What leaves the row before the first one goes into the first one, unless the flux needs no more
+    # than the face between them.
+    begin = -1 if len(ups) > 0 else 0
+    _invert(fields, first + (begin - 1) * stride, flux.vacuum, before)
+    _invert(fields, first + begin * stride, flux.vacuum, here)
     gone = 0.0
-    for row in range(-2, 0):
-        invert(fields, begin + row * stride, flux.vacuum, inverses[row + 3])
-    for row in range(-1, n + 1):
-        at = begin + row * stride
-        new, old, middle = (row + 3) % 3, (row + 1) % 3, (row + 2) % 3
-        # Beyond the last row nothing is swept.
-        fetched = width if row + 2 < n else 0
-        ahead = at + 2 * stride
-        _fetch(fields, (0, 1), ahead, fetched)
-        invert(fields, at + stride, flux.vacuum, inverses[old])
-        inverse = Inverse(inverses[new], inverses[old], inverses[middle])
-        here = Span(at, inverses.shape[1], stride, span.normal)
-        outflow(flux, fields, here, inverse, ratio, up[new], down[new], work)
-        _fetch(fields, (1, 3), ahead, fetched)
-        if row in (0, n):
-            through = _mass(flux, up[middle, DENSITY, :width], down[new, DENSITY, :width])
-            gone += through if row == n else -through
-        if row >= 1:
-            moved = _Exchange(up[middle], down[middle], up[old], down[new], (0, 0, 0, 0))
-            _update(fields, at - stride, width, moved, flux)
-        _fetch(fields, (3, fields.shape[0]), ahead, fetched)
+    for row in range(begin, length + 1):
+        cell = first + row * stride
+        below = rows_at(fields, components, cell - stride)
+        if row < 1:
+            # Not of this run, and not to be written to.
+            _copy(below, ends, before.size)
+            below = ends
+        rows = (
+            below,
+            rows_at(fields, components, cell),
+            rows_at(fields, components, cell + stride),
+        )
+        _across(flux, rows, cell, stride, width, ratio, _Room(faces, ups, before, here))
+        if row in (0, length):
+            through = room[1, DENSITY, :width].sum()
+            gone += through if row == length else -through
     return gone
 
 
 @parallel_kernel
 def _sweep_columns(
-    flux: Flux, fields: Floats, runs: Runs, stride: int, normal: int, ratio: float, gone: Floats
+    flux: Flux,
+    fields: Floats,
+    components: tuple[int, ...],
+    runs: Runs,
+    stride: int,
+    ratio: float,
+    gone: Floats,
 ) -> None:
-    components = fields.shape[0]
     starts, counts, widths = runs
     for task in numba.prange(starts.size):
         first = starts[task]
         # Not beyond the last cell of all, where the march looks at the row above the last one.
         row = min(_whole(widths[task]), fields.shape[1] - first - (counts[task] + 1) * stride)
-        room = _Room(
-            np.empty((3, components, row)),
-            np.empty((3, components, row)),
-            np.empty((3, row)),
-            np.empty((_WORK_ROWS, row)),
-        )
-        span = Span(first, widths[task], stride, normal)
-        gone[task] = _march(flux, fields, first, counts[task], span, ratio, room)
+        room = np.zeros((4, len(components), row))
+        run = first, counts[task], widths[task]
+        gone[task] = _march(flux, fields, components, run, stride, ratio, room)
 
 
 def sweep_runs(
@@ -293,13 +331,15 @@ def sweep_runs(
         density.
     """
     gone = np.empty(runs.first.size)
+    others = [k for k in range(fields.shape[0]) if k not in (DENSITY, normal)]
+    components = (DENSITY, normal, *others)
     fair = runs.first.size // (4 * numba.get_num_threads())
     with numba.parallel_chunksize(max(1, min(_CHUNK, fair))):
         if stride == 1:
             tasks = max(1, min(runs.first.size, 16 * numba.get_num_threads()))
-            _sweep_rows(flux, fields, runs, normal, ratio, tasks, gone)
+            _sweep_rows(flux, fields, components, runs, ratio, tasks, gone)
         else:
-            _sweep_columns(flux, fields, runs, stride, normal, ratio, gone)
+            _sweep_columns(flux, fields, components, runs, stride, ratio, gone)
     return float(gone.sum())
 
 

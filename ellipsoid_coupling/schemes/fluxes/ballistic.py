@@ -29,20 +29,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ellipsoid_coupling.instructions import fused
 from ellipsoid_coupling.kernels import inline_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import (
+    ALONG,
     DENSITY,
     VACUUM,
-    Inverse,
-    Span,
-    around,
+    Stencil,
     register_flux,
 )
-
-Floats = NDArray[np.float64]
+from ellipsoid_coupling.tuples import Values, each
 
 ORDER = 2
 
@@ -87,63 +83,57 @@ def _carried_slope(
     return 0.0 if empty_before and empty_after else limited(low, high, _CARRIED_LIMIT, size)
 
 
-def ballistic_outflow(
-    flux: Ballistic,
-    fields: Floats,
-    span: Span,
-    inverse: Inverse,
-    ratio: float,
-    up: Floats,
-    down: Floats,
-    work: Floats,
-) -> None:
-    """`outflow` by ballistic transport; see contract.py."""
-    width, normal = span.width, span.normal
-    densities, above_it, below_it = around(fields, DENSITY, span)
-    momenta, momenta_above, momenta_below = around(fields, normal, span)
-    for i in range(width):
-        before, here, after = below_it[i], densities[i], above_it[i]
-        slope = limited(here - before, after - here, _DENSITY_LIMIT, here)
-        own = inverse.here[i]
-        twelfth = _TWELFTH * slope
-        centre = twelfth * own
-        v = momenta[i] * own
-        dv = _carried_slope(
-            momenta_below[i] * inverse.below[i],
-            v,
-            momenta_above[i] * inverse.above[i],
-            inverse.below[i] == 0.0,
-            inverse.above[i] == 0.0,
-        )
-        stretch = 1.0 / max(1.0 + ratio * dv, 0.1)
-        above = min(max(ratio * (v + dv * (0.5 - centre)) * stretch, 0.0), flux.largest_part)
-        below = min(max(-ratio * (v - dv * (0.5 + centre)) * stretch, 0.0), flux.largest_part)
-        below = min(below, 1.0 - above)
-        work[0, i] = above
-        work[1, i] = below
-        work[2, i] = twelfth
-        up[DENSITY, i] = above * (here + slope * (0.5 - 0.5 * above))
-        down[DENSITY, i] = below * (here - slope * (0.5 - 0.5 * below))
-    for k in range(1, fields.shape[0]):
-        contents, contents_above, contents_below = around(fields, k, span)
-        for i in range(width):
-            value = contents[i] * inverse.here[i]
-            change = _carried_slope(
-                contents_below[i] * inverse.below[i],
-                value,
-                contents_above[i] * inverse.above[i],
-                inverse.below[i] == 0.0,
-                inverse.above[i] == 0.0,
-            )
-            above, below, twelfth = work[0, i], work[1, i], work[2, i]
-            centre = twelfth * inverse.here[i]
-            bend = change * twelfth
-            up[k, i] = (
-                up[DENSITY, i] * (value + change * (0.5 - 0.5 * above - centre)) + bend * above**3
-            )
-            down[k, i] = (
-                down[DENSITY, i] * (value - change * (0.5 - 0.5 * below + centre)) + bend * below**3
-            )
+@inline_kernel
+def _carried_outflow(
+    masses: tuple[float, float],
+    arms: tuple[float, float],
+    inverse: tuple[float, float, float],
+    below: float,
+    here: float,
+    above: float,
+) -> tuple[float, float]:
+    """What leaves a cell of a carried quantity, upwards and downwards.
+
+    masses : of what leaves; arms : how much of the slope leaves with it.
+    """
+    value = here * inverse[1]
+    change = _carried_slope(
+        below * inverse[0], value, above * inverse[2], inverse[0] == 0.0, inverse[2] == 0.0
+    )
+    return fused(masses[0], value, change * arms[0]), fused(masses[1], value, change * arms[1])
+
+
+@inline_kernel
+def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[Values, Values]:
+    """Ballistic transport of one cell; see contract.py."""
+    below, here, above, inverse = stencil.below, stencil.here, stencil.above, stencil.inverse
+    density = here[DENSITY]
+    slope = limited(density - below[DENSITY], above[DENSITY] - density, _DENSITY_LIMIT, density)
+    twelfth = _TWELFTH * slope
+    centre = twelfth * inverse[1]
+    v = here[ALONG] * inverse[1]
+    dv = _carried_slope(
+        below[ALONG] * inverse[0],
+        v,
+        above[ALONG] * inverse[2],
+        inverse[0] == 0.0,
+        inverse[2] == 0.0,
+    )
+    stretch = ratio / max(fused(ratio, dv, 1.0), 0.1)
+    upper = min(max(stretch * fused(dv, 0.5 - centre, v), 0.0), flux.largest_part)
+    lower = min(max(-stretch * fused(dv, -0.5 - centre, v), 0.0), flux.largest_part)
+    lower = min(lower, 1.0 - upper)
+    middle_up, middle_down = fused(-0.5, upper, 0.5), fused(-0.5, lower, 0.5)
+    up = upper * fused(slope, middle_up, density)
+    down = lower * fused(-slope, middle_down, density)
+    arm_up = fused(twelfth, upper * upper * upper, up * (middle_up - centre))
+    arm_down = fused(twelfth, lower * lower * lower, -down * (middle_down + centre))
+    carried_up, carried_down = each(
+        _carried_outflow,
+        ((up, down), (arm_up, arm_down), inverse),
+        (below[1:], here[1:], above[1:]),
+    )
+    return (up, *carried_up), (down, *carried_down)
 
 
 register_flux(Ballistic, ballistic_outflow)

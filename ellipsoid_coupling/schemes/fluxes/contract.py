@@ -1,4 +1,11 @@
-"""The contract of a numerical flux, seen from a sweep."""
+"""The contract of a numerical flux, seen from a sweep.
+
+A flux is a formula of a cell and its two neighbours, and never sees an array: the sweep calls it for
+every cell. It comes in one of two kinds:
+
+    register_flux        what leaves a cell through either face, (flux, stencil, ratio) -> (up, down)
+    register_face_flux   what goes through the face between two cells, (flux, stencil, ratio) -> face
+"""
 
 from __future__ import annotations
 
@@ -9,17 +16,14 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import (
-    KERNEL_OPTIONS,
-    inline_kernel,
-    view_kernel,
-)
+from ellipsoid_coupling.kernels import KERNEL_OPTIONS, inline_kernel
+from ellipsoid_coupling.tuples import Values, each
 
 Floats = NDArray[np.float64]
 
 
-# Component 0 of every system is the density.
-DENSITY = 0
+# Component 0 of every system is the density; to a flux, component 1 is the momentum along the sweep.
+DENSITY, ALONG = 0, 1
 # Up to this part of the mean density a cell counts as vacuum, and is set to 0: a rim so thin is
 # 1e-17 of the mass in a thousand steps, and without it every step would widen by a cell what is
 # computed.
@@ -36,130 +40,95 @@ class Flux(Protocol):
         ...
 
 
-class Span(NamedTuple):
-    """A run of neighbouring cells in the flat fields, and the direction that is swept.
+class Stencil(NamedTuple):
+    """A cell and its neighbours along the direction that is swept.
 
-    Cells ``start .. start + width - 1``; the neighbours of cell p in the swept direction are
-    ``p - stride`` and ``p + stride``; `normal` is the component that holds the momentum along it.
+    below, here, above : (K,) what they hold: the density, the momentum along the direction, and
+    whatever else is carried.
+    inverse : 1/rho of the three, 0 in vacuum. Whatever is carried is its content times this.
+    cell, stride : the cell's index in the flat fields, and the distance to its upper neighbour.
     """
 
-    start: int
-    width: int
+    below: Values
+    here: Values
+    above: Values
+    inverse: tuple[float, float, float]
+    cell: int
     stride: int
-    normal: int
 
 
 @inline_kernel
-def run_of(fields: Floats, component: int, first: int, width: int) -> Floats:
-    """One component of `width` cells from `first` on, a view.
-
-    Loops over a run's own index vectorise. With ``fields[component, first + i]`` they gather, four
-    times slower: the sum might be negative, and would then count from the end.
-    """
-    return fields[component, first : first + width]
+def less(a: float, b: float) -> float:
+    """A - b."""
+    return a - b
 
 
-@inline_kernel
-def around(fields: Floats, component: int, span: Span) -> tuple[Floats, Floats, Floats]:
-    """One component of the cells of a span, of their upper and of their lower neighbours, views."""
-    start, width, stride = span.start, span.width, span.stride
-    return (
-        run_of(fields, component, start, width),
-        run_of(fields, component, start + stride, width),
-        run_of(fields, component, start - stride, width),
-    )
+def through_face(flux: Flux, stencil: Stencil, up: Any, ratio: float) -> tuple[Values, Any]:
+    """What goes up through the face between `below` and `here` in one step, and what is kept for the next.
 
-
-class Inverse(NamedTuple):
-    """1/rho, 0 in vacuum, of the cells of a span, of their upper and of their lower neighbours.
-
-    Each (width or more,). Whatever is carried is its field times this; divided once a cell only.
-    """
-
-    here: Floats
-    above: Floats
-    below: Floats
-
-
-@view_kernel
-def invert(fields: Floats, first: int, vacuum: float, inverse: Floats) -> None:
-    """1/rho of the cells from `first` on, as many as `inverse` has room for; 0 in vacuum."""
-    density = run_of(fields, DENSITY, first, inverse.size)
-    for i in range(inverse.size):
-        inverse[i] = 1.0 / density[i] if density[i] > vacuum else 0.0
-
-
-def outflow(
-    flux: Flux,
-    fields: Floats,
-    span: Span,
-    inverse: Inverse,
-    ratio: float,
-    up: Floats,
-    down: Floats,
-    work: Floats,
-) -> None:
-    """What leaves each cell of a span during one step, in units of the cell's content.
-
-    Every flux overloads this for its own type, without allocating anything. A sweep then updates cell p to
-    ``U[p] - up[p] - down[p] + up[p - stride] + down[p + stride]``, which conserves by construction.
+    In units of a cell's content; a sweep then updates a cell by the difference of its two faces, which
+    conserves by construction.
 
     Parameters
     ----------
     flux : NamedTuple
         Chooses the flux and holds its parameters, `vacuum` among them.
-    fields : (K, cells) float64
-        Conserved fields, flat; component 0 is the density.
-    span : Span
-    inverse : Inverse
+    stencil : Stencil
+    up : (K,) or ()
+        What leaves `below` through this face, kept of the cell before (see `kept_for`).
     ratio : float
         dt / h.
-    up, down : (K, width or more)
-        Overwritten: through the upper face into p + stride, through the lower into p - stride. A
-        flux given at faces puts all of it into `up` and has `down` as scratch.
-    work : (5, width or more)
-        Scratch rows.
     """
-    del fields, span, inverse, ratio, up, down, work
-    raise TypeError(f"{type(flux).__name__} has no overload of outflow")
+    del stencil, up, ratio
+    raise TypeError(f"{type(flux).__name__} is no registered flux")
 
 
-def at_faces(flux: Flux) -> bool:
-    """Whether the flux is given at faces: all of it is in `up`, none in `down`."""
-    raise TypeError(f"{type(flux).__name__} has no overload of at_faces")
+def kept_for(flux: Flux, up: Any) -> Any:
+    """`up`, of what is kept from cell to cell; () where the flux is given at faces and keeps nothing."""
+    del up
+    raise TypeError(f"{type(flux).__name__} is no registered flux")
 
 
-def register_flux(
-    flux_type: type[Any], implementation: Callable[..., None], *, faces: bool = False
+def register_flux(flux_type: type[Any], outflow: Callable[..., Any]) -> None:
+    """Make `outflow` what compiled sweeps call for a flux of this type, for every cell.
+
+    outflow : an inline kernel, (flux, stencil, ratio) -> (up, down), what leaves `here` through its
+    upper and its lower face, each (K,).
+    """
+
+    def through(flux: Any, stencil: Any, up: Any, ratio: Any) -> Any:
+        leaving, down = outflow(flux, stencil, ratio)
+        return each(less, (), (up, down)), leaving
+
+    _register(flux_type, through, lambda _, up: up)
+
+
+def register_face_flux(flux_type: type[Any], face_flux: Callable[..., Any]) -> None:
+    """Make `face_flux` what compiled sweeps call for a flux of this type, for every face.
+
+    face_flux : an inline kernel, (flux, stencil, ratio) -> (K,), of the face between `below` and
+    `here`; it does not look at `above`.
+    """
+
+    def through(flux: Any, stencil: Any, up: Any, ratio: Any) -> Any:
+        return face_flux(flux, stencil, ratio), up
+
+    _register(flux_type, through, lambda _, __: ())
+
+
+def _register(
+    flux_type: type[Any], through: Callable[..., Any], kept: Callable[[Any, Any], Any]
 ) -> None:
-    """Make `implementation` what compiled sweeps call for a flux of this type.
-
-    faces : what `at_faces` says of it.
-    """
-    compiled = view_kernel(implementation)
-
     def is_meant(flux: Any) -> bool:
         return getattr(flux, "instance_class", None) is flux_type
 
-    def choose(
-        flux: Any,
-        fields: Any,
-        span: Any,
-        inverse: Any,
-        ratio: Any,
-        up: Any,
-        down: Any,
-        work: Any,
-    ) -> Callable[..., None] | None:
-        del fields, span, inverse, ratio, up, down, work
-        if not is_meant(flux):
-            return None
-        return lambda flux, fields, span, inverse, ratio, up, down, work: compiled(
-            flux, fields, span, inverse, ratio, up, down, work
-        )
+    def choose(flux: Any, stencil: Any, up: Any, ratio: Any) -> Callable[..., Any] | None:
+        del stencil, up, ratio
+        return through if is_meant(flux) else None
 
-    def choose_faces(flux: Any) -> Callable[[Any], bool] | None:
-        return (lambda _: faces) if is_meant(flux) else None
+    def choose_kept(flux: Any, up: Any) -> Callable[[Any, Any], Any] | None:
+        del up
+        return kept if is_meant(flux) else None
 
-    overload(outflow, strict=False, jit_options=_OPTIONS)(choose)
-    overload(at_faces, strict=False, jit_options=_OPTIONS)(choose_faces)
+    overload(through_face, inline="always", strict=False, jit_options=_OPTIONS)(choose)
+    overload(kept_for, inline="always", strict=False, jit_options=_OPTIONS)(choose_kept)

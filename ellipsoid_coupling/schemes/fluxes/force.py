@@ -18,20 +18,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ellipsoid_coupling.instructions import fused
+from ellipsoid_coupling.kernels import inline_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import (
+    ALONG,
     DENSITY,
     VACUUM,
-    Inverse,
-    Span,
-    register_flux,
-    run_of,
+    Stencil,
+    register_face_flux,
 )
-
-Floats = NDArray[np.float64]
+from ellipsoid_coupling.tuples import Values, each
 
 ORDER = 1
 
@@ -43,48 +39,31 @@ class Force(NamedTuple):
     vacuum: float = VACUUM
 
 
-def force_outflow(
-    flux: Force,
-    fields: Floats,
-    span: Span,
-    inverse: Inverse,
-    ratio: float,
-    up: Floats,
-    down: Floats,
-    work: Floats,
-) -> None:
-    """`outflow` by FORCE; see contract.py."""
-    start, width, stride, normal = span
-    pressure, vacuum, half = flux.pressure, flux.vacuum, 0.5 * ratio
-    density_l = run_of(fields, DENSITY, start, width)
-    density_r = run_of(fields, DENSITY, start + stride, width)
-    momentum_l = run_of(fields, normal, start, width)
-    momentum_r = run_of(fields, normal, start + stride, width)
-    weight_l, weight_r, pressed = work[0], work[1], down[0]
-    for i in range(width):
-        thin, thick = density_l[i], density_r[i]
-        slow, fast = momentum_l[i], momentum_r[i]
-        v_l = slow * inverse.here[i]
-        v_r = fast * inverse.above[i]
-        middle_density = 0.5 * (thin + thick) - half * (fast - slow)
-        rise = fast * v_r - slow * v_l + pressure * (thick - thin)
-        middle_momentum = 0.5 * (slow + fast) - half * rise
-        middle_v = half * middle_momentum / middle_density if middle_density > vacuum else 0.0
-        part_l, part_r = half * v_l, half * v_r
-        weight_l[i] = fused(middle_v, 0.5 + part_l, fused(0.5, part_l, 0.25))
-        weight_r[i] = fused(middle_v, 0.5 - part_r, fused(0.5, part_r, -0.25))
-        pressed[i] = (half * pressure) * (
-            0.5 * (thin + thick) + middle_density - middle_v * (thick - thin)
-        )
-    for k in range(fields.shape[0]):
-        lefts = run_of(fields, k, start, width)
-        rights = run_of(fields, k, start + stride, width)
-        through = up[k]
-        for i in range(width):
-            through[i] = fused(weight_l[i], lefts[i], weight_r[i] * rights[i])
-        if k == normal and pressure > 0.0:
-            for i in range(width):
-                through[i] += pressed[i]
+@inline_kernel
+def _mixed(weight_l: float, weight_r: float, left: float, right: float) -> float:
+    """w_L U_L + w_R U_R."""
+    return fused(weight_l, left, weight_r * right)
 
 
-register_flux(Force, force_outflow, faces=True)
+@inline_kernel
+def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
+    """FORCE between `below` (left) and `here` (right); see contract.py."""
+    left, right, half = stencil.below, stencil.here, 0.5 * ratio
+    thin, thick = left[DENSITY], right[DENSITY]
+    slow, fast = left[ALONG], right[ALONG]
+    v_l, v_r = slow * stencil.inverse[0], fast * stencil.inverse[1]
+    middle_density = 0.5 * (thin + thick) - half * (fast - slow)
+    rise = fast * v_r - slow * v_l + flux.pressure * (thick - thin)
+    middle_momentum = 0.5 * (slow + fast) - half * rise
+    middle_v = half * middle_momentum / middle_density if middle_density > flux.vacuum else 0.0
+    part_l, part_r = half * v_l, half * v_r
+    weight_l = fused(middle_v, 0.5 + part_l, fused(0.5, part_l, 0.25))
+    weight_r = fused(middle_v, 0.5 - part_r, fused(0.5, part_r, -0.25))
+    carried: Values = each(_mixed, (weight_l, weight_r), (left, right))
+    pressed = (half * flux.pressure) * (
+        0.5 * (thin + thick) + middle_density - middle_v * (thick - thin)
+    )
+    return (carried[DENSITY], carried[ALONG] + pressed, *carried[2:])
+
+
+register_face_flux(Force, force_flux)

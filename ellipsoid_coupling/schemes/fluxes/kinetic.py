@@ -34,13 +34,13 @@ from ellipsoid_coupling.kernels import inline_kernel
 from ellipsoid_coupling.physics.elementary import exp_of_negative
 from ellipsoid_coupling.schemes.fluxes.ballistic import limited
 from ellipsoid_coupling.schemes.fluxes.contract import (
+    ALONG,
     DENSITY,
     VACUUM,
-    Inverse,
-    Span,
-    around,
+    Stencil,
     register_flux,
 )
+from ellipsoid_coupling.tuples import Values, each, element
 
 Floats = NDArray[np.float64]
 
@@ -120,60 +120,51 @@ def _slope(before: float, here: float, after: float, filled: bool) -> float:
     return limited(here - before, after - here, _CARRIED_LIMIT, size) if filled else 0.0
 
 
-def kinetic_outflow(
-    flux: Kinetic,
-    fields: Floats,
-    span: Span,
-    inverse: Inverse,
-    ratio: float,
-    up: Floats,
-    down: Floats,
-    work: Floats,
-) -> None:
-    """`outflow` by the kinetic flux; see contract.py."""
-    width, normal = span.width, span.normal
-    densities, densities_above, densities_below = around(fields, DENSITY, span)
-    momenta, momenta_above, momenta_below = around(fields, normal, span)
-    tilt_up = flux.tilt[span.start : span.start + width]
-    tilt_down = flux.tilt[span.start - span.stride : span.start - span.stride + width]
-    for i in range(width):
-        before, here, after = densities_below[i], densities[i], densities_above[i]
-        rise, fall = tilt_up[i], 1.0 / tilt_down[i]
-        factor = face_factor(before, here, after, rise, fall, flux.vacuum)
-        filled = min(before, here, after) > flux.vacuum
-        own = inverse.here[i]
-        v = momenta[i] * own
-        dv = _slope(
-            momenta_below[i] * inverse.below[i], v, momenta_above[i] * inverse.above[i], filled
-        )
-        # The centre of mass of an exponential profile, to second order.
-        at_top, at_bottom = factor * rise, fall / factor
-        centre = (at_top - at_bottom) / 12.0
-        mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
-        mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))
-        above = ratio * here * at_top
-        below = ratio * here * at_bottom
-        leaving = above * mass_up + below * mass_down
-        share = here / leaving if leaving > here else 1.0
-        up[DENSITY, i] = share * above * mass_up
-        down[DENSITY, i] = share * below * mass_down
-        up[normal, i] = share * above * momentum_up
-        down[normal, i] = -share * below * momentum_down
-        work[0, i] = centre
-        work[1, i] = 1.0 if filled else 0.0
-    for k in range(1, fields.shape[0]):
-        if k != normal:
-            contents, contents_above, contents_below = around(fields, k, span)
-            for i in range(width):
-                value = contents[i] * inverse.here[i]
-                change = _slope(
-                    contents_below[i] * inverse.below[i],
-                    value,
-                    contents_above[i] * inverse.above[i],
-                    work[1, i] > 0.0,
-                )
-                up[k, i] = up[DENSITY, i] * (value + change * (0.5 - work[0, i]))
-                down[k, i] = down[DENSITY, i] * (value - change * (0.5 + work[0, i]))
+@inline_kernel
+def _carried_outflow(
+    masses: tuple[float, float],
+    centre: float,
+    filled: bool,
+    inverse: tuple[float, float, float],
+    below: float,
+    here: float,
+    above: float,
+) -> tuple[float, float]:
+    """What leaves a cell of a carried quantity with these masses, upwards and downwards."""
+    value = here * inverse[1]
+    change = _slope(below * inverse[0], value, above * inverse[2], filled)
+    return masses[0] * (value + change * (0.5 - centre)), masses[1] * (
+        value - change * (0.5 + centre)
+    )
+
+
+@inline_kernel
+def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Values, Values]:
+    """The kinetic flux of one cell; see contract.py."""
+    below, here, above, inverse = stencil.below, stencil.here, stencil.above, stencil.inverse
+    density = here[DENSITY]
+    rise = element(flux.tilt, stencil.cell)
+    fall = 1.0 / element(flux.tilt, stencil.cell - stencil.stride)
+    factor = face_factor(below[DENSITY], density, above[DENSITY], rise, fall, flux.vacuum)
+    filled = min(below[DENSITY], density, above[DENSITY]) > flux.vacuum
+    v = here[ALONG] * inverse[1]
+    dv = _slope(below[ALONG] * inverse[0], v, above[ALONG] * inverse[2], filled)
+    # The centre of mass of an exponential profile, to second order.
+    at_top, at_bottom = factor * rise, fall / factor
+    centre = (at_top - at_bottom) / 12.0
+    mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
+    mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))
+    upper, lower = ratio * density * at_top, ratio * density * at_bottom
+    leaving = upper * mass_up + lower * mass_down
+    share = density / leaving if leaving > density else 1.0
+    up, down = share * upper * mass_up, share * lower * mass_down
+    carried_up, carried_down = each(
+        _carried_outflow,
+        ((up, down), centre, filled, inverse),
+        (below[2:], here[2:], above[2:]),
+    )
+    along_up, along_down = share * upper * momentum_up, -share * lower * momentum_down
+    return (up, along_up, *carried_up), (down, along_down, *carried_down)
 
 
 register_flux(Kinetic, kinetic_outflow)

@@ -7,16 +7,20 @@ it is the length of a tuple. Each function has a plain twin of the same name for
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.instructions import emit_prefetch
 from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.registers import DOUBLES
 
 # Numba ships half of its types: these functions have none.
 _unpack: Any = cgutils.unpack_tuple
@@ -24,7 +28,6 @@ _uni_tuple: Any = types.UniTuple
 _is_tuple: Any = types.BaseTuple
 _of_types: Any = types.BaseTuple.from_types
 _points_to: Any = types.CPointer
-_POINTER = _points_to(types.float64)
 
 Floats = NDArray[np.float64]
 # Where some rows begin: addresses in kernels, views in Python.
@@ -32,9 +35,15 @@ Rows = tuple[Floats, ...]
 Values = tuple[float, ...]
 
 
-def rows_at(array: Floats, which: tuple[int, ...], first: int) -> Rows:
-    """The rows `which` of `array` (n, m), contiguous, from element `first` on."""
-    return tuple(array[k, first:] for k in which)
+def rows_at(array: NDArray[Any] | None, which: tuple[int, ...], first: int) -> Rows:
+    """The rows `which` of a contiguous array from element `first` on; none of no array.
+
+    Rows are along the last axis, counted through all the others.
+    """
+    if array is None:
+        return ()
+    rows = array.reshape(-1, array.shape[-1])
+    return tuple(rows[k, first:] for k in which)
 
 
 def load(rows: Rows, i: int) -> Values:
@@ -67,10 +76,23 @@ def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Val
     Returns
     -------
     tuple
-        Of what the formula returns; where that is several numbers, a tuple of each of them.
+        Of what the formula returns; where that is several numbers, a tuple of each of them. Nothing
+        for empty tuples.
     """
     found = [formula(*shared, *values) for values in zip(*tuples, strict=True)]
+    if not found:
+        return ()
     return tuple(zip(*found, strict=True)) if isinstance(found[0], tuple) else tuple(found)
+
+
+@inline_kernel
+def whole_vectors(width: int) -> int:
+    """So many cells are whole vectors.
+
+    Loops go on to there and leave out with an `if` what lies beyond ``width``: the rest of a loop
+    would go one cell at a time, which takes as long as three vectors.
+    """
+    return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
 @inline_kernel
@@ -83,13 +105,24 @@ def run_of(fields: Floats, component: int, first: int, width: int) -> Floats:
     return fields[component, first : first + width]
 
 
+def _rows_of_nothing(array: None, which: tuple[int, ...], first: int) -> Rows:  # noqa: ARG001
+    return ()
+
+
+def total(values: Values) -> float:
+    """The sum, in order; 0 of none."""
+    return sum(values)
+
+
 def _rows_at(context: Any, array: Any, which: Any, first: Any) -> Any:
     del context
-    result = _uni_tuple(_POINTER, which.count)
+    if array.layout != "C":
+        raise TypingError("rows of a contiguous array only")
+    result = _uni_tuple(_points_to(array.dtype), which.count)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         whole = context.make_array(array)(context, builder, arguments[0])
-        length = _unpack(builder, whole.shape, 2)[1]
+        length = _unpack(builder, whole.shape, array.ndim)[-1]
         starts = []
         for row in _unpack(builder, arguments[1], which.count):
             place = builder.add(builder.mul(row, length), arguments[2])
@@ -111,7 +144,8 @@ def _load(context: Any, rows: Any, i: Any) -> Any:
         values = [builder.load(place) for place in places]
         return context.make_tuple(builder, signature.return_type, values)
 
-    return _of_types([types.float64] * rows.count)(rows, i), generate
+    kind = rows.dtype.dtype if rows.count > 0 else types.float64
+    return _of_types([kind] * rows.count)(rows, i), generate
 
 
 def _store(context: Any, rows: Any, i: Any, values: Any) -> Any:
@@ -149,8 +183,23 @@ def _element(context: Any, array: Any, i: Any) -> Any:
     return array.dtype(array, i), generate
 
 
+def _total(context: Any, values: Any) -> Any:
+    del context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        del context, signature
+        numbers = _unpack(builder, arguments[0], values.count)
+        if not numbers:
+            return ir.Constant(ir.DoubleType(), 0.0)
+        return functools.reduce(builder.fadd, numbers)
+
+    return types.float64(values), generate
+
+
 def _each(context: Any, formula: Any, shared: Any, tuples: Any) -> Any:
     count = tuples[0].count
+    if count == 0:
+        return _none_of_each(formula, shared, tuples)
     kinds = [*shared, *(one.dtype for one in tuples)]
     single = formula.get_call_type(context, kinds, {})
     result = single.return_type
@@ -174,6 +223,15 @@ def _each(context: Any, formula: Any, shared: Any, tuples: Any) -> Any:
     return returned(formula, shared, tuples), generate
 
 
+def _none_of_each(formula: Any, shared: Any, tuples: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        del arguments
+        return context.make_tuple(builder, signature.return_type, ())
+
+    return _of_types(())(formula, shared, tuples), generate
+
+
+_compiled_total: Any = intrinsic(_total)
 _compiled_rows_at: Any = intrinsic(_rows_at)
 _compiled_load: Any = intrinsic(_load)
 _compiled_store: Any = intrinsic(_store)
@@ -182,9 +240,17 @@ _compiled_element: Any = intrinsic(_element)
 _compiled_each: Any = intrinsic(_each)
 
 
+@overload(total, inline="always", strict=False)
+def _choose_total(values: Any) -> Any:
+    del values
+    return lambda values: _compiled_total(values)
+
+
 @overload(rows_at, inline="always", strict=False)
 def _choose_rows_at(array: Any, which: Any, first: Any) -> Any:
-    del array, which, first
+    del which, first
+    if isinstance(array, types.NoneType):
+        return _rows_of_nothing
     return lambda array, which, first: _compiled_rows_at(array, which, first)
 
 

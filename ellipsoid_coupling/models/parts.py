@@ -14,10 +14,10 @@ from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
-from ellipsoid_coupling.schemes.sources import CellTerms
 from ellipsoid_coupling.schemes.survey import survey_particles
 
 Floats = NDArray[np.float64]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.schemes.drive import CellTerms, angular_rate
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.sources import (
@@ -23,8 +24,6 @@ from ellipsoid_coupling.schemes.sources import (
     MOMENTUM_X,
     RHO,
     SPIN,
-    CellTerms,
-    angular_rate,
     extremes,
     turn,
 )

@@ -12,81 +12,84 @@ Fields are (4 or 3, na + 4, ny + 4, nx + 4); only the part of a row that holds m
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
-from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
-from ellipsoid_coupling.physics.external import sine_torque
+from ellipsoid_coupling.schemes.drive import (
+    CellTerms,
+    Drive,
+    NoForces,
+    drive_at,
+    driven,
+    outer_torque,
+)
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QVX, Extents, Q
-from ellipsoid_coupling.schemes.sources import CellTerms, Kick, add_torque, exact_kick, set_pull
+from ellipsoid_coupling.schemes.q_grid import FULL_TURN, QOMEGA, QVX, Extents, Q
+from ellipsoid_coupling.schemes.sources import Kick, exact_kick, kicked, raised
 from ellipsoid_coupling.schemes.step_control import CFL, ROTATION
+from ellipsoid_coupling.tuples import (
+    Rows,
+    Values,
+    each,
+    load,
+    rows_at,
+    store,
+    whole_vectors,
+)
 
 Floats = NDArray[np.float64]
 
 
-# Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
+@inline_kernel
+def _held_angle(terms: CellTerms, a: int, angles: int) -> tuple[tuple[float, float], float]:
+    """Cos 2 theta and sin 2 theta of angle a, and -dV2/dtheta."""
+    angle = FULL_TURN * a / angles
+    return cos_sin(2.0 * angle), outer_torque(terms.amplitude, angle)
 
 
-@view_kernel
-def _set_turning(
-    turning: Floats | None, amplitude: float | None, j: int, first: int, angle: float, out: Floats
+@apart_kernel
+def _accelerate_row(
+    drive: Drive, held_angle: tuple[tuple[float, float], float], width: int, out: Rows
 ) -> None:
-    """gamma_bar g - dV2/dtheta at a fixed angle."""
-    if turning is not None:
-        c2, s2 = cos_sin(2.0 * angle)
-        end = first + out.size
-        spin, along, across = (
-            turning[0, j, first:end],
-            turning[1, j, first:end],
-            turning[2, j, first:end],
-        )
-        for i in range(out.size):
-            out[i] = spin[i] + along[i] * s2 + across[i] * c2
-    else:
-        out[:] = 0.0
-    if amplitude is not None:
-        torque = sine_torque(angle, amplitude)
-        for i in range(out.size):
-            out[i] += torque
-
-
-@view_kernel
-def _accelerate(
-    terms: CellTerms,
-    forces: AngleForces | None,
-    at: tuple[int, int, int],
-    angle: float,
-    out: Floats,
-) -> None:
-    """F and F_bar of a run of cells from `at` (angle, y, x) along x on: out (3 or 2, width)."""
-    if out.shape[0] == 3:
-        _set_turning(terms.turning, terms.amplitude, at[1], at[2], angle, out[2])
-    j, first = at[1], at[2]
-    if forces is None:
-        set_pull(terms.steady, (0, j), None, (0, 0), 0.0, first, out[0])
-        set_pull(terms.steady, (1, j), None, (0, 0), 0.0, first, out[1])
-    else:
-        # The potential tells some of the angles apart only.
-        row = at[0] % forces.x.shape[0], j
-        set_pull(terms.steady, (0, j), forces.x, row, terms.inverse_mass, first, out[0])
-        set_pull(terms.steady, (1, j), forces.y, row, terms.inverse_mass, first, out[1])
-        if out.shape[0] == 3:
-            add_torque(forces.torque, row, terms.inverse_inertia, first, out[2])
+    double, outer = held_angle
+    for i in range(whole_vectors(width)):
+        if i < width:
+            store(out, i, driven(drive, i, double, outer, load(out[2:], i)))
 
 
 @parallel_kernel
-def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> None:
-    """F_x, F_y and, where it turns, F_bar of all cells: out (3 or 2, na, ny, nx), overwritten."""
-    na, ny = out.shape[1], out.shape[2]
+def _accelerations(
+    terms: CellTerms, forces: Any, distinct: int, parts: tuple[int, ...], out: Floats
+) -> None:
+    na, ny, nx = out.shape[1:]
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
-        _accelerate(terms, forces, (a, j, 0), FULL_TURN * a / na, out[:, a, j])
+        drive = drive_at(terms, forces, (j, ny, 0), a % distinct * ny + j)
+        rows = rows_at(out, each(_row, (na * ny, task), (parts,)), 0)
+        _accelerate_row(drive, _held_angle(terms, a, na), nx, rows)
+
+
+@inline_kernel
+def _row(rows: int, row: int, component: int) -> int:
+    """A row of a component with so many rows, counted through all components."""
+    return component * rows + row
+
+
+def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> None:
+    """F_x, F_y and, where it turns, F_bar of all cells: out (3 or 2, na, ny, nx), overwritten."""
+    parts = tuple(range(out.shape[0]))
+    _accelerations(terms, forces or NoForces(), _distinct_angles(forces), parts, out)
+
+
+def _distinct_angles(forces: AngleForces | None) -> int:
+    """So many angles have forces of their own, which the others share."""
+    return 1 if forces is None else forces.x.shape[0]
 
 
 # Rows of all angles are dealt out in so many tasks.
@@ -120,52 +123,73 @@ def shorter(steps: Steps) -> tuple[float, int]:
     return min((steps[0], CFL), (steps[1], ROTATION))
 
 
-@view_kernel
-def _raise_speeds(
-    fields: Floats,
-    at: tuple[int, int, int],
-    drift: Floats,
-    rates: Floats,
-    limits: tuple[Floats, float, bool],
-    inverse: Floats,
-    peaks: Floats,
-) -> None:
-    """Raise `peaks` (3 or 2, nx) to distance/dt for the largest dt of every cell of a run.
+@inline_kernel
+def _needed(
+    inverse: float,
+    sound: float,
+    damped: bool,
+    carried: float,
+    pull: float,
+    rate: float,
+    distance: float,
+) -> float:
+    """Distance/dt for the largest dt of a cell; infinite if not finite, 0 in vacuum.
 
     dt (|v| + sound + |F - Gamma v| dt/2) = distance, so that with s = |v| + sound, a = |F - Gamma v|
 
         distance/dt = (s + sqrt(s^2 + 2 a distance))/2
 
-    or s + a/Gamma, where damping holds velocities and that is less. What is not finite counts as
-    infinite, so that the caller notices.
-
-    limits : distances, sound and damped of `Limits`.
-    drift : F and F_bar of the run. inverse : room for a run.
+    or s + a/Gamma, where damping holds velocities and that is less.
     """
-    distances, sound, damped = limits
-    a, j, begin = at
-    width = drift.shape[1]
-    q = fields[Q, a, j, begin : begin + width]
-    for i in range(width):
-        # Vacuum is what is not more than 0, so that NaN is none and shows.
-        inverse[i] = 0.0 if q[i] <= 0.0 else 1.0 / q[i]
-    for d in range(distances.size):
-        momentum, pull, peak = fields[QVX + d, a, j, begin : begin + width], drift[d], peaks[d]
-        rate, distance = rates[d], distances[d]
-        holds = damped and rate > 0.0
-        stay = 1.0 / rate if holds else 0.0
-        for i in range(width):
-            v = momentum[i] * inverse[i]
-            change = abs(pull[i] - rate * v)
-            speed = abs(v) + sound
-            free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * distance))
-            held = speed + change * stay if holds else np.inf
-            # Comparisons that are false for NaN.
-            freely = free <= held
-            needed = free if freely else held
-            known = needed < np.inf
-            needed = needed if known else np.inf
-            peak[i] = max(peak[i], 0.0 if inverse[i] == 0.0 else needed)
+    v = carried * inverse
+    change, speed = abs(pull - rate * v), abs(v) + sound
+    free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * distance))
+    holds = damped and rate > 0.0
+    # The same for all cells, so that no cell waits for a division.
+    stay = 1.0 / rate if holds else 0.0
+    held = speed + change * stay if holds else np.inf
+    # Comparisons that are false for NaN.
+    freely = free <= held
+    needed = free if freely else held
+    known = needed < np.inf
+    needed = needed if known else np.inf
+    return 0.0 if inverse == 0.0 else needed
+
+
+class _Rates(NamedTuple):
+    """What the components of the momentum have of their own, (3 or 2,) each; see `Kick`."""
+
+    decays: Values
+    gains: Values
+    damping: Values
+    distances: Values
+
+
+@apart_kernel
+def _relax_row(
+    cells: Rows,
+    drive: Drive,
+    held_angle: tuple[tuple[float, float], float],
+    rates: _Rates,
+    limits: tuple[float, bool] | None,
+    width: int,
+    peaks: Rows,
+) -> None:
+    """Kick a run of cells; with `limits`, sound and damped, raise `peaks` to `_needed`."""
+    double, outer = held_angle
+    momenta = cells[QVX:]
+    for i in range(whole_vectors(width)):
+        if i < width:
+            cell = load(cells, i)
+            drift = driven(drive, i, double, outer, cell[QOMEGA:])
+            new = each(kicked, (cell[Q],), (cell[QVX:], drift, rates.decays, rates.gains))
+            store(momenta, i, new)
+            if limits is not None:
+                # Vacuum is what is not more than 0, so that NaN is none and shows.
+                inverse = 0.0 if cell[Q] <= 0.0 else 1.0 / cell[Q]
+                shared = inverse, limits[0], limits[1]
+                found = each(_needed, shared, (new, drift, rates.damping, rates.distances))
+                store(peaks, i, each(raised, (), (load(peaks, i), found)))
 
 
 @parallel_kernel
@@ -173,63 +197,42 @@ def _relax(
     fields: Floats,
     extents: Extents,
     terms: CellTerms,
-    forces: AngleForces | None,
-    change: Kick,
-    limits: tuple[Floats, float, bool] | None,
-) -> Floats:
+    forces: Any,
+    distinct: int,
+    parts: tuple[int, ...],
+    decays: Values,
+    gains: Values,
+    damping: Values,
+    distances: Values,
+    limits: tuple[float, bool] | None,
+    fastest: Floats,
+) -> None:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
-    Returns distance/dt of the steps that the new velocities allow, one a component of the momentum;
-    see `_raise_speeds`.
+    distinct : so many angles have forces of their own, which the others share.
+    fastest : (tasks, 3 or 2), overwritten by distance/dt of the steps that the new velocities
+        allow; see `_needed`.
     """
-    components, rows = fields.shape[0] - 1, extents.shape[1]
-    lines = extents.shape[0] * rows
-    rates = np.array([terms.damping, terms.damping, terms.angular_damping])
-    tasks = min(lines, _TASKS)
-    speeds = np.zeros((tasks, components))
+    angles, rows = extents.shape[:2]
+    lines, tasks = angles * rows, fastest.shape[0]
     for task in numba.prange(tasks):
-        room, inverse = np.empty(components * fields.shape[3]), np.empty(fields.shape[3])
-        peaks = np.zeros((components, fields.shape[3]))
+        rates = _Rates(decays, gains, damping, distances)
+        found = np.zeros((len(decays), fields.shape[3]))
+        peaks = rows_at(found, parts[:-1], 0)
         # Every so manyth line: mass is in some of the angles, and all threads shall have a share.
         for line in range(task, lines, tasks):
             a, j = line // rows, line % rows
             first = extents[a, j, 0]
             width = extents[a, j, 1] - first
             if width > 0:
-                # Rows right after one another: loops over contiguous arrays vectorise.
-                drift = room[: components * width].reshape(components, width)
-                angle = FULL_TURN * a / (fields.shape[1] - 2 * GHOSTS)
-                _accelerate(terms, forces, (a, j, first), angle, drift)
-                at = a + GHOSTS, j + GHOSTS, first + GHOSTS
-                _kick_row(fields, at, drift, change)
-                if limits is not None:
-                    _raise_speeds(fields, at, drift, rates, limits, inverse, peaks)
-        for d in range(components):
-            speeds[task, d] = peaks[d].max()
-    fastest = np.zeros(components)
-    for task in range(tasks):
-        for d in range(components):
-            fastest[d] = max(fastest[d], speeds[task, d])
-    return fastest
-
-
-@view_kernel
-def _kick_row(
-    fields: Floats,
-    at: tuple[int, int, int],
-    out: Floats,
-    change: Kick,
-) -> None:
-    """`_relax` for a run of cells in the drift `out`."""
-    a, j, begin = at
-    end = begin + out.shape[1]
-    q = fields[Q, a, j, begin:end]
-    for d in range(out.shape[0]):
-        keep = change.spin_decay if d == 2 else change.decay
-        push = change.spin_gain if d == 2 else change.gain
-        momentum, rate = fields[QVX + d, a, j, begin:end], out[d]
-        for i in range(q.size):
-            momentum[i] = keep * momentum[i] + push * q[i] * rate[i]
+                drive = drive_at(terms, forces, (j, rows, first), a % distinct * rows + j)
+                row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
+                held = each(_row, (fields.shape[1] * fields.shape[2], row), (parts,))
+                cells = rows_at(fields, held, first + GHOSTS)
+                held_angle = _held_angle(terms, a, angles)
+                _relax_row(cells, drive, held_angle, rates, limits, width, peaks)
+        for d in range(found.shape[0]):
+            fastest[task, d] = found[d].max()
 
 
 def _relaxed(
@@ -240,12 +243,28 @@ def _relaxed(
     change: Kick,
     limits: Limits | None,
 ) -> Steps:
-    here = fields, extents, terms, forces, change
+    momenta = fields.shape[0] - 1
+    distances = np.zeros(momenta)
+    if limits is not None:
+        distances[: limits.distances.size] = limits.distances
+    fastest = np.zeros((min(extents.shape[0] * extents.shape[1], _TASKS), momenta))
+    _relax(
+        fields,
+        extents,
+        terms,
+        forces or NoForces(),
+        _distinct_angles(forces),
+        tuple(range(fields.shape[0])),
+        (change.decay, change.decay, change.spin_decay)[:momenta],
+        (change.gain, change.gain, change.spin_gain)[:momenta],
+        (terms.damping, terms.damping, terms.angular_damping)[:momenta],
+        tuple(distances.tolist()),
+        None if limits is None else (limits.sound, limits.damped),
+        fastest,
+    )
     if limits is None:
-        _relax(*here, None)
         return math.inf, math.inf
-    fastest = _relax(*here, (limits.distances, limits.sound, limits.damped))
-    pairs = zip(limits.distances, fastest[: limits.distances.size], strict=True)
+    pairs = zip(limits.distances, fastest.max(axis=0), strict=False)
     allowed = [float(far / speed) if speed > 0.0 else math.inf for far, speed in pairs]
     return min(allowed[:2]), min(allowed[2:], default=math.inf)
 

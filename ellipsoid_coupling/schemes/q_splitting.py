@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
+from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
 from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
@@ -27,7 +28,6 @@ from ellipsoid_coupling.schemes.q_sources import (
     step_implicitly,
 )
 from ellipsoid_coupling.schemes.q_transport import transport
-from ellipsoid_coupling.schemes.sources import CellTerms
 
 Floats = NDArray[np.float64]
 

@@ -9,17 +9,42 @@ rho omega. In a cell the particles share v, phi and omega, so the sources are th
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.kernels import kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import (
+    apart_kernel,
+    inline_kernel,
+    kernel,
+    parallel_kernel,
+    view_kernel,
+)
 from ellipsoid_coupling.physics.elementary import cos_sin
-from ellipsoid_coupling.physics.external import sine_torque
+from ellipsoid_coupling.schemes.drive import (
+    CellTerms,
+    Drive,
+    NoForces,
+    angular_rate,
+    drive_at,
+    driven,
+    first_of,
+    outer_torque,
+)
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.tuples import (
+    Rows,
+    Values,
+    each,
+    load,
+    rows_at,
+    store,
+    total,
+    whole_vectors,
+)
 
 Floats = NDArray[np.float64]
 
@@ -42,48 +67,77 @@ class Extremes(NamedTuple):
     torque: float
 
 
-class CellTerms(NamedTuple):
-    """What drives a cell, made once; None where the scene does not have it.
-
-    Attributes
-    ----------
-    steady : (2, ny, nx) float64 or None
-        gamma u - grad V1.
-    turning : (3, ny, nx) or None
-        gamma_bar times the three coefficients of Jeffery's term g = a + b sin 2 phi + c cos 2 phi.
-    amplitude : float or None
-        Of V2.
-    damping, angular_damping : float
-        gamma + A^2/2, gamma_bar + B^2/2.
-    inverse_mass, inverse_inertia : float
-    """
-
-    steady: Floats | None
-    turning: Floats | None
-    amplitude: float | None
-    damping: float
-    angular_damping: float
-    inverse_mass: float
-    inverse_inertia: float
+@inline_kernel
+def _in_mass(density: float, value: float) -> float:
+    """`value`; 0 in vacuum."""
+    return 0.0 if density <= 0.0 else value
 
 
-@kernel
-def angular_rate(
-    turning: Floats | None, amplitude: float | None, j: int, i: int, angle: float
-) -> tuple[float, float]:
-    """gamma_bar g - dV2/dtheta and its derivative with respect to the angle."""
-    rate, slope = 0.0, 0.0
-    if turning is not None:
-        c2, s2 = cos_sin(2.0 * angle)
-        rate += turning[0, j, i] + turning[1, j, i] * s2 + turning[2, j, i] * c2
-        slope += 2.0 * (turning[1, j, i] * c2 - turning[2, j, i] * s2)
-    if amplitude is not None:
-        rate += sine_torque(angle, amplitude)
-        slope += amplitude * cos_sin(angle)[1]
-    return rate, slope
+@inline_kernel
+def _over(density: float, carried: float) -> float:
+    return carried / density
+
+
+@inline_kernel
+def _drift_of(cell: Values, drive: Drive, amplitude: float | None, i: int) -> Values:
+    """F_x, F_y and, where it turns, F_bar of cell i of a run, which holds `cell`; 0 in vacuum."""
+    # Vacuum has no angle; what comes out for it is not used.
+    angle = total(each(_over, (cell[RHO],), (cell[ANGLE:SPIN],)))
+    double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
+    rates = driven(drive, i, double, outer, cell[SPIN:])
+    drift: Values = each(_in_mass, (cell[RHO],), (rates,))
+    return drift
+
+
+@apart_kernel
+def _set_drift_row(
+    cells: Rows, drive: Drive, amplitude: float | None, width: int, drift: Rows
+) -> None:
+    for i in range(whole_vectors(width)):
+        if i < width:
+            store(drift, i, _drift_of(load(cells, i), drive, amplitude, i))
 
 
 @parallel_kernel
+def _set_drift(
+    fields: Floats,
+    components: tuple[int, ...],
+    rates: tuple[int, ...],
+    terms: CellTerms,
+    forces: Any,
+    drift: Floats,
+) -> None:
+    rows, columns = drift.shape[1:]
+    for j in numba.prange(rows):
+        cells = _cells(fields, components, j)
+        drive = drive_at(terms, forces, (j, rows, 0), j)
+        _set_drift_row(cells, drive, terms.amplitude, columns, _drifts(drift, rates, j))
+
+
+@inline_kernel
+def _cells(fields: Floats, components: tuple[int, ...], j: int) -> Rows:
+    """Row j of the interior of padded fields."""
+    return rows_at(fields, each(_row, (fields.shape[1], j + GHOSTS), (components,)), GHOSTS)
+
+
+@inline_kernel
+def _drifts(drift: Floats, rates: tuple[int, ...], j: int) -> Rows:
+    """Row j of the drift; of a drift of one row, that one."""
+    return rows_at(drift, each(_row, (drift.shape[1], j % drift.shape[1]), (rates,)), 0)
+
+
+@inline_kernel
+def _row(rows: int, j: int, component: int) -> int:
+    """Row j of a component with so many rows, counted through all components."""
+    return component * rows + j
+
+
+def _parts(fields: Floats) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The components of fields and drift: kernels know by the lengths how many there are."""
+    components = fields.shape[0]
+    return tuple(range(components)), tuple(range(components // 2 + 1))
+
+
 def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats) -> None:
     """Write F_x, F_y and F_bar of every cell that is not vacuum.
 
@@ -96,89 +150,7 @@ def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Fl
     drift : (3 or 2, ny, nx)
         Overwritten.
     """
-    for j in numba.prange(drift.shape[1]):
-        _set_drift_row(fields, terms, forces, j, drift)
-
-
-@view_kernel
-def _set_drift_row(
-    fields: Floats, terms: CellTerms, forces: Forces | None, j: int, drift: Floats
-) -> None:
-    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
-    if fields.shape[0] == 5:
-        carried = fields[ANGLE, j + GHOSTS, GHOSTS:-GHOSTS]
-        _set_turning(terms, density, carried, j, drift[2, j])
-    if forces is None:
-        set_pull(terms.steady, (0, j), None, (0,), 0.0, 0, drift[0, j])
-        set_pull(terms.steady, (1, j), None, (0,), 0.0, 0, drift[1, j])
-    else:
-        set_pull(terms.steady, (0, j), forces.x, (j,), terms.inverse_mass, 0, drift[0, j])
-        set_pull(terms.steady, (1, j), forces.y, (j,), terms.inverse_mass, 0, drift[1, j])
-        if fields.shape[0] == 5:
-            add_torque(forces.torque, (j,), terms.inverse_inertia, 0, drift[2, j])
-    for d in range(drift.shape[0]):
-        _clear_vacuum(density, drift[d, j])
-
-
-@view_kernel
-def set_pull(
-    steady: Floats | None,
-    steady_row: tuple[int, int],
-    force: NDArray[np.floating] | None,
-    force_row: tuple[int, ...],
-    weight: float,
-    first: int,
-    out: Floats,
-) -> None:
-    """F_x or F_y of a run of cells from `first` on: the steady part and the weighted force."""
-    # Runs are cut out before a loop: an index that is a sum would be gathered, not read in line.
-    end = first + out.size
-    if steady is not None:
-        here = steady[steady_row][first:end]
-        if force is not None:
-            push = force[force_row][first:end]
-            for i in range(out.size):
-                out[i] = here[i] + weight * push[i]
-        else:
-            for i in range(out.size):
-                out[i] = here[i]
-    elif force is not None:
-        push = force[force_row][first:end]
-        for i in range(out.size):
-            out[i] = weight * push[i]
-    else:
-        out[:] = 0.0
-
-
-@view_kernel
-def add_torque(
-    torque: NDArray[np.floating] | None,
-    row: tuple[int, ...],
-    weight: float,
-    first: int,
-    out: Floats,
-) -> None:
-    """Add the weighted torque of a run of cells from `first` on, if there is any."""
-    if torque is not None:
-        here = torque[row][first : first + out.size]
-        for i in range(out.size):
-            out[i] += weight * here[i]
-
-
-@view_kernel
-def _set_turning(terms: CellTerms, density: Floats, carried: Floats, j: int, out: Floats) -> None:
-    """`angular_rate` of a row; `carried` is rho phi."""
-    turning, amplitude = terms.turning, terms.amplitude
-    for i in range(out.size):
-        # Vacuum has no angle; what is written there is cleared.
-        angle = carried[i] / density[i]
-        out[i] = angular_rate(turning, amplitude, j, i, angle)[0]
-
-
-@view_kernel
-def _clear_vacuum(density: Floats, out: Floats) -> None:
-    for i in range(out.size):
-        out[i] = 0.0 if density[i] <= 0.0 else out[i]
+    _set_drift(fields, *_parts(fields), terms, forces or NoForces(), drift)
 
 
 class Kick(NamedTuple):
@@ -206,49 +178,152 @@ def exact_gain(rate: float, dt: float) -> float:
     return -math.expm1(-rate * dt) / rate if rate else dt
 
 
+@inline_kernel
+def kicked(density: float, carried: float, rate: float, decay: float, gain: float) -> float:
+    """Rho v after a kick, v becoming decay v + gain F."""
+    return decay * carried + gain * density * rate
+
+
+@inline_kernel
+def _kicked_cell(cell: Values, drift: Values, change: Kick) -> Values:
+    """Momenta and spin of a cell after a kick."""
+    spins = cell[SPIN:]
+    decays = (change.decay, change.decay, *each(first_of, (change.spin_decay,), (spins,)))
+    gains = (change.gain, change.gain, *each(first_of, (change.spin_gain,), (spins,)))
+    carried = cell[MOMENTUM_X:ANGLE] + spins
+    new: Values = each(kicked, (cell[RHO],), (carried, drift, decays, gains))
+    return new
+
+
+@inline_kernel
+def _turned(turning: float, angle: float, spin: float) -> float:
+    """Rho phi after a flight."""
+    return angle + turning * spin
+
+
+@apart_kernel
+def _kick_row(cells: Rows, drift: Rows, change: Kick, turning: float, width: int) -> None:
+    momenta, angles, spins = cells[MOMENTUM_X:ANGLE], cells[ANGLE:SPIN], cells[SPIN:]
+    for i in range(whole_vectors(width)):
+        if i < width:
+            cell = load(cells, i)
+            new = _kicked_cell(cell, load(drift, i), change)
+            store(momenta + spins, i, new)
+            store(angles, i, each(_turned, (turning,), (cell[ANGLE:SPIN], new[2:])))
+
+
 @parallel_kernel
+def _kick(
+    fields: Floats,
+    components: tuple[int, ...],
+    rates: tuple[int, ...],
+    drift: Floats,
+    change: Kick,
+    turning: float,
+) -> None:
+    for j in numba.prange(drift.shape[1]):
+        cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
+        _kick_row(cells, drifts, change, turning, drift.shape[2])
+
+
 def kick(fields: Floats, drift: Floats, change: Kick, turning: float) -> None:
     """Kick v and omega in the drift as it is, in place; then phi += turning omega, where it turns."""
-    for j in numba.prange(drift.shape[1]):
-        _kick_row(fields, drift, change, j)
-        if fields.shape[0] == 5 and turning != 0.0:
-            _turn_row(fields, j, turning)
+    _kick(fields, *_parts(fields), drift, change, turning)
+
+
+@inline_kernel
+def _size(weight: float, value: float) -> float:
+    """Magnitude of a rate or of a carried quantity; infinite if not finite."""
+    size = abs(value * weight)
+    # A comparison that is false for NaN.
+    known = size < np.inf
+    return size if known else np.inf
+
+
+@inline_kernel
+def _sizes(density: float, carried: Values, drift: Values) -> Values:
+    """Speed, force and, where they are given, spin and torque of a cell."""
+    # Written so that NaN is no vacuum.
+    inverse = 0.0 if density <= 0.0 else 1.0 / density
+    rates, forces = each(_size, (inverse,), (carried,)), each(_size, (1.0,), (drift,))
+    return (max(rates[0], rates[1]), max(forces[0], forces[1]), *rates[2:], *forces[2:])
+
+
+@inline_kernel
+def raised(value: float, other: float) -> float:
+    """The larger one."""
+    return max(value, other)
+
+
+@apart_kernel
+def _kick_anew_row(
+    cells: Rows,
+    drive: Drive,
+    amplitude: float | None,
+    change: Kick,
+    width: int,
+    drift: Rows,
+    peaks: Rows,
+) -> None:
+    momenta, spins = cells[MOMENTUM_X:ANGLE], cells[SPIN:]
+    for i in range(whole_vectors(width)):
+        if i < width:
+            cell = load(cells, i)
+            here = _drift_of(cell, drive, amplitude, i)
+            store(drift, i, here)
+            new = _kicked_cell(cell, here, change)
+            store(momenta + spins, i, new)
+            found = _sizes(cell[RHO], new, here)
+            store(peaks, i, each(raised, (), (load(peaks, i), found)))
+
+
+@apart_kernel
+def _raise_row(cells: Rows, drift: Rows, width: int, peaks: Rows) -> None:
+    for i in range(whole_vectors(width)):
+        if i < width:
+            cell = load(cells, i)
+            found = _sizes(cell[RHO], cell[MOMENTUM_X:ANGLE] + cell[SPIN:], load(drift, i))
+            store(peaks, i, each(raised, (), (load(peaks, i), found)))
 
 
 @parallel_kernel
+def _kick_anew(
+    fields: Floats,
+    components: tuple[int, ...],
+    rates: tuple[int, ...],
+    terms: CellTerms,
+    forces: Any,
+    drift: Floats,
+    change: Kick,
+    largest: Floats,
+) -> None:
+    rows, columns = drift.shape[1:]
+    tasks = largest.shape[0]
+    for task in numba.prange(tasks):
+        found = np.zeros((len(components) - 1, columns))
+        peaks = rows_at(found, components[:-1], 0)
+        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
+            cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
+            drive = drive_at(terms, forces, (j, rows, 0), j)
+            _kick_anew_row(cells, drive, terms.amplitude, change, columns, drifts, peaks)
+        for k in range(found.shape[0]):
+            largest[task, k] = found[k].max()
+
+
 def kick_anew(
     fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats, change: Kick
 ) -> Extremes:
     """`set_drift`, `kick` and what `extremes` finds after that, in one pass over memory."""
-    rows, columns = drift.shape[1:]
-    tasks = min(rows, _TASKS)
-    largest = np.zeros((tasks, 4))
-    for task in numba.prange(tasks):
-        peaks, inverse = np.zeros((4, columns)), np.empty(columns)
-        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            _set_drift_row(fields, terms, forces, j, drift)
-            _kick_row(fields, drift, change, j)
-            _raise_row(fields, drift, j, inverse, peaks)
-        for k in range(4):
-            largest[task, k] = peaks[k].max()
-    return _largest_of(largest)
+    largest = np.zeros((min(drift.shape[1], _TASKS), 4))
+    here = fields, *_parts(fields), terms, forces or NoForces(), drift
+    _kick_anew(*here, change, largest)
+    return _extremes_of(largest)
 
 
-@view_kernel
-def _kick_row(fields: Floats, drift: Floats, change: Kick, j: int) -> None:
-    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
-    for d in range(2):
-        momentum = fields[MOMENTUM_X + d, j + GHOSTS, GHOSTS:-GHOSTS]
-        _kick(momentum, density, drift[d, j], change.decay, change.gain)
-    if fields.shape[0] == 5:
-        spins = fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS]
-        _kick(spins, density, drift[2, j], change.spin_decay, change.spin_gain)
-
-
-@view_kernel
-def _kick(carried: Floats, density: Floats, rate: Floats, decay: float, gain: float) -> None:
-    for i in range(density.size):
-        carried[i] = decay * carried[i] + gain * density[i] * rate[i]
+def _extremes_of(largest: Floats) -> Extremes:
+    """Of what tasks have found, (tasks, 4): speeds, forces, spins and torques."""
+    speed, force, spin, torque = largest.max(axis=0)
+    return Extremes(float(speed), float(spin), float(force), float(torque))
 
 
 @view_kernel
@@ -310,51 +385,30 @@ def _implicit_spin(
     return new
 
 
-@view_kernel
-def _raise_to(carried: Floats, inverse: Floats, peaks: Floats) -> None:
-    """Raise `peaks` to the magnitude of carried * inverse; what is not finite counts as infinite."""
-    for i in range(peaks.size):
-        size = abs(carried[i] * inverse[i])
-        known = size < np.inf
-        peaks[i] = max(peaks[i], size if known else np.inf)
-
-
-@view_kernel
-def _raise_row(
-    fields: Floats, drift: Floats | None, j: int, inverse: Floats, peaks: Floats
-) -> None:
-    """Raise `peaks` (4, nx) to a row's speeds, spins and, with the drift, forces and torques."""
-    density = fields[RHO, j + GHOSTS, GHOSTS:-GHOSTS]
-    for i in range(inverse.size):
-        # Written so that NaN is no vacuum.
-        inverse[i] = 0.0 if density[i] <= 0.0 else 1.0 / density[i]
-    for d in range(2):
-        _raise_to(fields[MOMENTUM_X + d, j + GHOSTS, GHOSTS:-GHOSTS], inverse, peaks[0])
-    if fields.shape[0] == 5:
-        _raise_to(fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS], inverse, peaks[1])
-    if drift is not None:
-        inverse[:] = 1.0
-        for d in range(drift.shape[0]):
-            _raise_to(drift[d, j], inverse, peaks[3 if d == 2 else 2])
-
-
-@kernel
-def _largest_of(largest: Floats) -> Extremes:
-    return Extremes(
-        largest[:, 0].max(), largest[:, 1].max(), largest[:, 2].max(), largest[:, 3].max()
-    )
-
-
 @parallel_kernel
+def _extremes(
+    fields: Floats,
+    components: tuple[int, ...],
+    rates: tuple[int, ...],
+    drift: Floats,
+    largest: Floats,
+) -> None:
+    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
+    tasks = largest.shape[0]
+    for task in numba.prange(tasks):
+        found = np.zeros((len(components) - 1, columns))
+        peaks = rows_at(found, components[:-1], 0)
+        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
+            cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
+            _raise_row(cells, drifts, columns, peaks)
+        for k in range(found.shape[0]):
+            largest[task, k] = found[k].max()
+
+
 def extremes(fields: Floats, drift: Floats | None) -> Extremes:
     """Of all cells that are not vacuum; no force and torque without a drift."""
-    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
-    tasks = min(rows, _TASKS)
-    largest = np.zeros((tasks, 4))
-    for task in numba.prange(tasks):
-        peaks, inverse = np.zeros((4, columns)), np.empty(columns)
-        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            _raise_row(fields, drift, j, inverse, peaks)
-        for k in range(4):
-            largest[task, k] = peaks[k].max()
-    return _largest_of(largest)
+    largest = np.zeros((min(fields.shape[1] - 2 * GHOSTS, _TASKS), 4))
+    components, rates = _parts(fields)
+    nothing = np.zeros((len(rates), 1, fields.shape[2] - 2 * GHOSTS))
+    _extremes(fields, components, rates, nothing if drift is None else drift, largest)
+    return _extremes_of(largest)

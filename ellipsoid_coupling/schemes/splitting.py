@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.sources import (
-    CellTerms,
     Extremes,
     Kick,
     exact_kick,

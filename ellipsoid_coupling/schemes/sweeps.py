@@ -38,6 +38,7 @@ from ellipsoid_coupling.tuples import (
     load,
     rows_at,
     store,
+    whole_vectors,
 )
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ _CHUNK = 16
 def bundle_width(columns: int, lines: int) -> int:
     """How many of `columns` march together on each of `lines`; all bundles but the last are alike."""
     most = _WIDE if lines >= _MANY_LINES else _NARROW
-    return int(_whole(-(-columns // -(-columns // most))))
+    return int(whole_vectors(-(-columns // -(-columns // most))))
 
 
 class Runs(NamedTuple):
@@ -69,16 +70,6 @@ class Runs(NamedTuple):
     first: NDArray[np.int64]
     length: NDArray[np.int64]
     width: NDArray[np.int64]
-
-
-@inline_kernel
-def _whole(width: int) -> int:
-    """So many cells are whole vectors.
-
-    Loops go on to there, and do not write what lies beyond: the rest of a loop would go one cell at
-    a time, which takes as long as three vectors.
-    """
-    return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
 @inline_kernel
@@ -161,7 +152,7 @@ def _sweep_rows(
     gone: Floats,
 ) -> None:
     starts, counts, _ = runs
-    longest = _whole(counts.max() + 2)
+    longest = whole_vectors(counts.max() + 2)
     for task in numba.prange(tasks):
         inverses, through = np.empty(longest + 2), np.empty(longest)
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
@@ -170,7 +161,7 @@ def _sweep_rows(
             if row + 1 < starts.size and starts[row + 1] - starts[row] > width + _FAR:
                 ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
                 _fetch(ahead, counts[row + 1] + 2 * GHOSTS)
-            whole = _whole(width + 2)
+            whole = whole_vectors(width + 2)
             _invert(fields, first, flux.vacuum, inverses[: whole + 2])
             cells = rows_at(fields, components, first)
             _along(flux, cells, first, width, ratio, inverses, through[:whole])
@@ -293,7 +284,9 @@ def _sweep_columns(
     for task in numba.prange(starts.size):
         first = starts[task]
         # Not beyond the last cell of all, where the march looks at the row above the last one.
-        row = min(_whole(widths[task]), fields.shape[1] - first - (counts[task] + 1) * stride)
+        row = min(
+            whole_vectors(widths[task]), fields.shape[1] - first - (counts[task] + 1) * stride
+        )
         room = np.zeros((4, len(components), row))
         run = first, counts[task], widths[task]
         gone[task] = _march(flux, fields, components, run, stride, ratio, room)

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.grid import interior
 from ellipsoid_coupling.schemes.sources import (
-    CellTerms,
     exact_kick,
     extremes,
     kick,

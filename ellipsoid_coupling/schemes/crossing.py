@@ -17,9 +17,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.tuples import Rows, load, rows_at, whole_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,52 +38,31 @@ _X, _Y = 1, 2
 _TASKS = 64
 
 
-@view_kernel
-def _invert_dense(density: Floats, least: float, inverse: Floats) -> None:
-    """1/rho of cells denser than `least`, else 0."""
-    for i in range(inverse.size):
-        inverse[i] = 1.0 / density[i] if density[i] > least else 0.0
+@inline_kernel
+def _jump(
+    density: float, momentum: float, next_density: float, next_one: float, least: float
+) -> float:
+    """V - v_next, where both cells are denser than `least`; by one division."""
+    jump = (momentum * next_density - next_one * density) / (density * next_density)
+    return jump if min(density, next_density) > least else 0.0
 
 
-@view_kernel
-def _raise_to_jumps(
-    momentum: Floats, inverse: Floats, next_momentum: Floats, next_inverse: Floats, peaks: Floats
-) -> None:
-    """Raise `peaks` to v - v_next where both cells are dense."""
-    for i in range(peaks.size):
-        jump = momentum[i] * inverse[i] - next_momentum[i] * next_inverse[i]
-        jump = jump if inverse[i] * next_inverse[i] > 0.0 else 0.0
-        peaks[i] = max(peaks[i], jump)
+@apart_kernel
+def _raise_to_jumps(cells: Rows, above: Rows, width: int, least: float, peaks: Floats) -> None:
+    """Raise `peaks` to the jumps of a run of cells along x and to the row `above`.
 
-
-@view_kernel
-def _raise_to_row(
-    fields: Floats,
-    at: tuple[int, int, int],
-    width: int,
-    has_next: bool,
-    least: float,
-    work: Floats,
-) -> None:
-    """`_raise_to_jumps` of a run of cells along x, and along y to the next row if there is one.
-
-    work : (3, width or more), the peaks and room for two rows.
+    cells, above : density and both momenta.
     """
-    a, j, first = at
-    end = first + width
-    peaks, inverse, above = work[0, :width], work[1, :width], work[2, :width]
-    # Each row by itself is contiguous; a slice of all components would not be.
-    _invert_dense(fields[DENSITY, a, j, first:end], least, inverse)
-    x = fields[_X, a, j, first:end]
-    _raise_to_jumps(x[:-1], inverse[:-1], x[1:], inverse[1:], peaks[:-1])
-    if has_next:
-        _invert_dense(fields[DENSITY, a, j + 1, first:end], least, above)
-        y, next_y = fields[_Y, a, j, first:end], fields[_Y, a, j + 1, first:end]
-        _raise_to_jumps(y, inverse, next_y, above, peaks)
+    for i in range(whole_vectors(width)):
+        if i < width:
+            here, beside, upper = load(cells, i), load(cells, i + 1), load(above, i)
+            x = _jump(here[DENSITY], here[_X], beside[DENSITY], beside[_X], least)
+            y = _jump(here[DENSITY], here[_Y], upper[DENSITY], upper[_Y], least)
+            peaks[i] = max(peaks[i], x if i + 1 < width else 0.0, y)
 
 
 @parallel_kernel
-def _largest_density(fields: Floats, extents: Indices) -> float:
+def _largest_density(fields: Floats, skipped: int, extents: Indices) -> float:
     """Of all cells; see `_largest_jump`."""
     rows = extents.shape[1]
     lines = extents.shape[0] * rows
@@ -95,7 +75,7 @@ def _largest_density(fields: Floats, extents: Indices) -> float:
             width = extents[a, j, 1] - extents[a, j, 0]
             if width > 0:
                 first = extents[a, j, 0] + GHOSTS
-                density = fields[DENSITY, a, j + GHOSTS, first : first + width]
+                density = fields[DENSITY, a + skipped, j + GHOSTS, first : first + width]
                 for i in range(width):
                     peak[i] = max(peak[i], density[i])
         peaks[task] = peak.max()
@@ -103,26 +83,34 @@ def _largest_density(fields: Floats, extents: Indices) -> float:
 
 
 @parallel_kernel
-def _largest_jump(fields: Floats, extents: Indices, least: float) -> float:
+def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) -> float:
     """The largest v_i - v_{i+1}, along x or y, of neighbours denser than `least`; at least 0.
 
     fields : (K, planes, ny + 4, nx + 4), density and both momenta first; ghosts are left out.
-    extents : (planes, ny, 2), first and end column of what may hold mass.
+    skipped : so many planes are ghosts at either end.
+    extents : (planes less those, ny, 2), first and end column of what may hold mass.
     """
     rows = extents.shape[1]
     lines = extents.shape[0] * rows
     tasks = min(lines, _TASKS)
+    # Rows of a component, all its planes one after another.
+    plane = fields.shape[1] * fields.shape[2]
     jumps = np.zeros(tasks)
     for task in numba.prange(tasks):
-        work = np.zeros((3, fields.shape[3]))
+        peaks = np.zeros(fields.shape[3])
         # Every so manyth line: mass is in some of the planes, and all threads shall have a share.
         for line in range(task, lines, tasks):
             a, j = line // rows, line % rows
             width = extents[a, j, 1] - extents[a, j, 0]
             if width > 0:
-                at = a, j + GHOSTS, extents[a, j, 0] + GHOSTS
-                _raise_to_row(fields, at, width, j + 1 < rows, least, work)
-        jumps[task] = work[0].max()
+                row = (a + skipped) * fields.shape[2] + j + GHOSTS
+                first = extents[a, j, 0] + GHOSTS
+                cells = rows_at(fields, (row, row + plane, row + 2 * plane), first)
+                # The last row is its own neighbour: no jump.
+                up = row + 1 if j + 1 < rows else row
+                above = rows_at(fields, (up, up + plane, up + 2 * plane), first)
+                _raise_to_jumps(cells, above, width, least, peaks)
+        jumps[task] = peaks.max()
     return float(jumps.max())
 
 
@@ -139,13 +127,14 @@ def largest_compression(fields: Floats, cell: float, extents: Indices | None = N
     extents : (na, ny, 2) int64, optional
         First and end column of what every row holds, end 0 if nothing, where that is known.
     """
-    inner = fields if fields.ndim == 3 else fields[:, GHOSTS:-GHOSTS]
-    planes = inner.reshape(fields.shape[0], -1, *fields.shape[-2:])
+    skipped = 0 if fields.ndim == 3 else GHOSTS
+    planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
     if extents is None:
         ny, nx = (n - 2 * GHOSTS for n in planes.shape[2:])
-        extents = np.broadcast_to(np.array([0, nx]), (planes.shape[1], ny, 2)).copy()
-    largest = _largest_density(planes, extents)
-    return _largest_jump(planes, extents, NEGLIGIBLE * largest) / cell if largest > 0.0 else 0.0
+        count = planes.shape[1] - 2 * skipped
+        extents = np.broadcast_to(np.array([0, nx]), (count, ny, 2)).copy()
+    least = NEGLIGIBLE * _largest_density(planes, skipped, extents)
+    return _largest_jump(planes, skipped, extents, least) / cell if least > 0.0 else 0.0
 
 
 class CrossingDetector:

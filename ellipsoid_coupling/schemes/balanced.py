@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
-from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
@@ -40,13 +40,12 @@ from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
 from ellipsoid_coupling.schemes.q_sources import accelerations, largest_step, shorter
 from ellipsoid_coupling.schemes.q_splitting import QSystem
 from ellipsoid_coupling.schemes.sources import exact_gain
+from ellipsoid_coupling.schemes.step_control import CFL
+from ellipsoid_coupling.schemes.work import set_ahead, set_work
 from ellipsoid_coupling.tuples import run_of
 
 Floats = NDArray[np.float64]
 
-# Work from centre to centre beyond this, in units of the temperature, acts as a plain force: there
-# one cell's equilibrium says nothing about its neighbour.
-_STEEPEST = 4.0
 # A step whose outcome allows less than this part of it was itself too long.
 _SHORTEST_NEXT = 0.25
 
@@ -63,8 +62,11 @@ class BalancedHeun:
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)
         self.forces: AngleForces | None = None
-        self._before = np.empty_like(system.fields)
-        self._middle = np.empty_like(system.fields)
+        self._allowed = (0.0, CFL)
+        # Fields before a step, before a direction and after its first stage.
+        self._start, self._before, self._middle = np.empty((3, *system.fields.shape))
+        # Tilt and rest along each axis, where there is no work 1 and 0.
+        self._works = {axis: _no_work(system.fields[Q].size) for axis in system.axes}
 
     def prepare(self) -> None:
         """The pull of the interaction at the present density, where no step has told it yet."""
@@ -72,10 +74,14 @@ class BalancedHeun:
         np.abs(self.memory, out=self.memory)
         if not self.memory.any():
             self._note_pull(self._potential(0.0))
+        self._allowed = self._find_largest_step()
 
     @property
     def largest_step(self) -> tuple[float, int]:
         """From the fastest signal, the forces within the step included."""
+        return self._allowed
+
+    def _find_largest_step(self) -> tuple[float, int]:
         system = self._system
         limits = system.limits()._replace(sound=SIGNAL, damped=True)
         shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
@@ -98,16 +104,20 @@ class BalancedHeun:
         A cell that the first stage all but empties keeps a momentum for the second.
         """
         system = self._system
-        before = system.fields.copy(), system.left.copy(), self.memory.copy(), system.extents
+        _copy(system.fields, self._start)
+        before = system.left.copy(), self.memory.copy(), system.extents
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
         axes = system.axes
         for axis in axes if count % 2 == 0 else axes[::-1]:
-            self._step_along(axis, self._work(axis, potential), dt)
+            self._step_along(axis, potential, dt)
         system.narrow_extents()
-        if self.largest_step[0] >= _SHORTEST_NEXT * dt:
+        allowed = self._find_largest_step()
+        if allowed[0] >= _SHORTEST_NEXT * dt:
+            self._allowed = allowed
             return True
-        system.fields[:], system.left[:], self.memory[:], system.extents = before
+        _copy(self._start, system.fields)
+        system.left[:], self.memory[:], system.extents = before
         return False
 
     def _potential(self, ahead: float) -> Floats | None:
@@ -116,12 +126,12 @@ class BalancedHeun:
         if system.interaction is None:
             return None
         density = inside(system.fields)[Q]
-        for axis in system.axes if ahead else ():
-            self._fill(axis)
-            momentum = system.fields[NORMAL[axis]]
-            high = inside(np.roll(momentum, -1, axis))
-            low = inside(np.roll(momentum, 1, axis))
-            density = density - 0.5 * ahead / system.grid.width(axis) * (high - low)
+        if ahead:
+            for axis in system.axes:
+                self._fill(axis)
+            factors = tuple(0.5 * ahead / system.grid.width(axis) for axis in system.axes)
+            density = np.empty(system.grid.shape)
+            set_ahead(system.fields, system.axes, factors, density)
         return np.asarray(system.interaction.potential(density), np.float64)
 
     def _fill(self, axis: int) -> None:
@@ -143,50 +153,36 @@ class BalancedHeun:
             rise = np.abs(np.diff(potential, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
-    def _work(self, axis: int, potential: Floats | None) -> Floats:
-        """The work from every cell's centre to the next one's, (na + 4, ny + 4, nx + 4).
-
-        0 across the boundary in space; mirrored in the ghosts of a wall.
-        """
-        system = self._system
-        steady = self._steady[-1 - axis]
-        work = 0.5 * system.grid.width(axis) * (steady + np.roll(steady, -1, axis))
-        if potential is not None:
-            turns = system.grid.angles // potential.shape[0]
-            drop = self._weight(axis) * (potential - np.roll(potential, -1, axis))
-            work += np.tile(drop, (turns, 1, 1))
-        padded = np.zeros(system.grid.padded)
-        inside(padded)[...] = work
-        if axis == -3:
-            fill_periodic(padded[None], 1)
-            return padded
-        lines = np.moveaxis(padded, axis, 0)
-        lines[-GHOSTS - 1] = 0.0
-        if system.reflecting:
-            lines[0], lines[-GHOSTS] = -lines[GHOSTS], -lines[-GHOSTS - 2]
-        return padded
-
-    def _step_along(self, axis: int, work: Floats, dt: float) -> None:
-        system = self._system
-        kept = np.clip(work, -_STEEPEST, _STEEPEST)
-        tilt = np.exp(0.5 * kept).ravel()
-        field = _Field(tilt, (work - kept).ravel(), axis, system.vacuum)
-        flux = Kinetic(tilt)
+    def _step_along(self, axis: int, potential: Floats | None, dt: float) -> None:
+        system, work = self._system, self._works[axis]
+        weights = 0.5 * system.grid.width(axis), self._weight(axis)
+        set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
+        field = _Field(work[0], work[1], axis, system.vacuum)
+        flux = Kinetic(work[0])
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
-        weights = _exponential_weights(rate, dt)
+        exponential = _exponential_weights(rate, dt)
         ratio = dt / system.grid.width(axis)
         self._fill(axis)
-        self._before[:] = system.fields
+        _copy(system.fields, self._before)
         left = system.left.copy()
         system.transport(flux, axis, dt)
-        _push(system.fields, self._before, system.extents, field, ratio, weights)
+        _push(system.fields, self._before, system.extents, field, ratio, exponential)
         self._fill(axis)
-        self._middle[:] = system.fields
+        _copy(system.fields, self._middle)
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `_combine`.
         system.left[:] = 0.5 * (left + system.left)
         states = system.fields, self._before, self._middle
-        _combine(*states, system.extents, field, ratio, weights)
+        _combine(*states, system.extents, field, ratio, exponential)
+
+
+def _copy(source: Floats, target: Floats) -> None:
+    """A component at a time, by all threads: memory is faster than one of them."""
+    for_each(source.shape[0], lambda k: np.copyto(target[k], source[k]))
+
+
+def _no_work(cells: int) -> Floats:
+    return np.array([np.ones(cells), np.zeros(cells)])
 
 
 def _steady_forces(system: QSystem) -> Floats:

@@ -37,23 +37,6 @@ def _choose_fused(a: Any, b: Any, c: Any) -> Any:
     return lambda a, b, c: _compiled_fma(a, b, c)
 
 
-def fetch_ahead(row: Any, index: int) -> None:
-    """Ask for the cache line of ``row[index]``, in kernels; plain Python has no need to."""
-    del row, index
-
-
-def _prefetch(context: Any, row: Any, index: Any) -> Any:
-    """The type of LLVM's prefetch of an array's element, and what makes it."""
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        emit_prefetch(builder, builder.gep(data, [arguments[1]]))
-        return context.get_dummy_value()
-
-    return types.none(row, index), generate
-
-
 def emit_prefetch(builder: Any, address: Any) -> None:
     """Write LLVM's prefetch of an address."""
     pointer = builder.bitcast(address, ir.IntType(8).as_pointer())
@@ -61,12 +44,3 @@ def emit_prefetch(builder: Any, address: Any) -> None:
     kind = ir.FunctionType(ir.VoidType(), [pointer.type, number, number, number])
     function = _get_function(builder.module, kind, "llvm.prefetch.p0i8")
     builder.call(function, [pointer, number(0), number(3), number(1)])
-
-
-_compiled_prefetch: Any = intrinsic(_prefetch)
-
-
-@overload(fetch_ahead, inline="always", strict=False)
-def _choose_fetch_ahead(row: Any, index: Any) -> Any:
-    del row, index
-    return lambda row, index: _compiled_prefetch(row, index)

@@ -95,16 +95,6 @@ def whole_vectors(width: int) -> int:
     return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
-@inline_kernel
-def run_of(fields: Floats, component: int, first: int, width: int) -> Floats:
-    """One component of `width` cells from `first` on, a view.
-
-    Loops over a run's own index vectorise. With ``fields[component, first + i]`` they gather, four
-    times slower: the sum might be negative, and would then count from the end.
-    """
-    return fields[component, first : first + width]
-
-
 def _rows_of_nothing(array: None, which: tuple[int, ...], first: int) -> Rows:  # noqa: ARG001
     return ()
 

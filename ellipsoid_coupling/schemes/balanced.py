@@ -32,17 +32,27 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
-from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.kernels import apart_kernel, for_each, inline_kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.schemes.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.q_grid import NORMAL, QVX, Extents, Q, inside
+from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, Q, inside
 from ellipsoid_coupling.schemes.q_sources import accelerations, largest_step, shorter
 from ellipsoid_coupling.schemes.q_splitting import QSystem
 from ellipsoid_coupling.schemes.sources import exact_gain
 from ellipsoid_coupling.schemes.step_control import CFL
 from ellipsoid_coupling.schemes.work import set_ahead, set_work
-from ellipsoid_coupling.tuples import run_of
+from ellipsoid_coupling.tuples import (
+    Rows,
+    Values,
+    each,
+    load,
+    rows_at,
+    store,
+    total,
+    whole_vectors,
+)
 
 Floats = NDArray[np.float64]
 
@@ -63,8 +73,9 @@ class BalancedHeun:
         self.memory = np.zeros(3)
         self.forces: AngleForces | None = None
         self._allowed = (0.0, CFL)
-        # Fields before a step, before a direction and after its first stage.
-        self._start, self._before, self._middle = np.empty((3, *system.fields.shape))
+        # Fields before a step and before a direction; density and momentum after its first stage.
+        self._start, self._before = np.empty((2, *system.fields.shape))
+        self._middle = np.empty((2, *system.fields.shape[1:]))
         # Tilt and rest along each axis, where there is no work 1 and 0.
         self._works = {axis: _no_work(system.fields[Q].size) for axis in system.axes}
 
@@ -104,20 +115,23 @@ class BalancedHeun:
         A cell that the first stage all but empties keeps a momentum for the second.
         """
         system = self._system
-        _copy(system.fields, self._start)
-        before = system.left.copy(), self.memory.copy(), system.extents
+        kept = system.left.copy(), self.memory.copy(), system.extents
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
         axes = system.axes
-        for axis in axes if count % 2 == 0 else axes[::-1]:
-            self._step_along(axis, potential, dt)
+        order = axes if count % 2 == 0 else axes[::-1]
+        for axis in order:
+            self._fill(axis)
+            before = self._start if axis == order[0] else self._before
+            _copy(system.fields, before)
+            self._step_along(axis, potential, before, dt)
         system.narrow_extents()
         allowed = self._find_largest_step()
         if allowed[0] >= _SHORTEST_NEXT * dt:
             self._allowed = allowed
             return True
         _copy(self._start, system.fields)
-        system.left[:], self.memory[:], system.extents = before
+        system.left[:], self.memory[:], system.extents = kept
         return False
 
     def _potential(self, ahead: float) -> Floats | None:
@@ -153,32 +167,35 @@ class BalancedHeun:
             rise = np.abs(np.diff(potential, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
-    def _step_along(self, axis: int, potential: Floats | None, dt: float) -> None:
-        system, work = self._system, self._works[axis]
+    def _step_along(self, axis: int, potential: Floats | None, before: Floats, dt: float) -> None:
+        """Both stages along an axis, from the fields as they are, of which `before` is a copy."""
+        system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
-        field = _Field(work[0], work[1], axis, system.vacuum)
         flux = Kinetic(work[0])
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         exponential = _exponential_weights(rate, dt)
         ratio = dt / system.grid.width(axis)
-        self._fill(axis)
-        _copy(system.fields, self._before)
+        normal = NORMAL[axis]
+        stride = math.prod(system.grid.padded[3 + axis + 1 :])
+        here = system.fields, before
         left = system.left.copy()
         system.transport(flux, axis, dt)
-        _push(system.fields, self._before, system.extents, field, ratio, exponential)
+        source = work, system.vacuum
+        _push(*here, system.extents, *source, (normal, stride), ratio, exponential)
         self._fill(axis)
-        _copy(system.fields, self._middle)
+        _copy(system.fields, middle, (Q, normal))
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `_combine`.
         system.left[:] = 0.5 * (left + system.left)
-        states = system.fields, self._before, self._middle
-        _combine(*states, system.extents, field, ratio, exponential)
+        components = in_order(system.fields.shape[0], normal)
+        _combine(*here, middle, system.extents, *source, components, stride, ratio, exponential)
 
 
-def _copy(source: Floats, target: Floats) -> None:
-    """A component at a time, by all threads: memory is faster than one of them."""
-    for_each(source.shape[0], lambda k: np.copyto(target[k], source[k]))
+def _copy(source: Floats, target: Floats, which: tuple[int, ...] | None = None) -> None:
+    """All components or some, one at a time, by all threads: memory is faster than one of them."""
+    parts = range(source.shape[0]) if which is None else which
+    for_each(len(parts), lambda k: np.copyto(target[k], source[parts[k]]))
 
 
 def _no_work(cells: int) -> Floats:
@@ -209,53 +226,68 @@ def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
     return math.exp(-z), first, second
 
 
-class _Field(NamedTuple):
-    """The force along one axis, flat like the fields.
+@inline_kernel
+def _source(density: Values, up: Values, down: Values, vacuum: float) -> float:
+    """H S of a cell.
 
-    Attributes
-    ----------
-    tilt : (cells,) float64
-        See `Kinetic`.
-    rest : (cells,)
-        Work from centre to centre beyond what `tilt` holds.
-    axis : int
-        -1, -2 or -3.
-    vacuum : float
+    density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
+    work to the upper one and from the lower one.
     """
+    rise, fall = up[0], 1.0 / down[0]
+    factor = face_factor(density[0], density[1], density[2], rise, fall, vacuum)
+    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
+    return push * density[1]
 
-    tilt: Floats
-    rest: Floats
-    axis: int
+
+class _Forced(NamedTuple):
+    """What the source of a run of cells follows from, rows; see `_source`."""
+
+    density: Rows
+    up: Rows
+    down: Rows
     vacuum: float
 
 
-@kernel
-def _sources(q: Floats, first: int, stride: int, field: _Field, out: Floats) -> None:
-    """The sources h S of a run of cells of a flat density, from the cell `first` on: out (width,)."""
-    tilt, rest, _, vacuum = field
-    width = out.size
-    before, after = first - stride, first + stride
-    # Runs are cut out before the loop, which then reads them in line.
-    q_before, q_here, q_after = (
-        q[before : before + width],
-        q[first : first + width],
-        q[after : after + width],
+@inline_kernel
+def _forced(q: Floats, work: Floats, start: int, stride: int, vacuum: float) -> _Forced:
+    """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
+    own = rows_at(q, (0,), start)
+    around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
+    return _Forced(
+        around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), vacuum
     )
-    tilt_up, tilt_down = tilt[first : first + width], tilt[before : before + width]
-    rest_up, rest_down = rest[first : first + width], rest[before : before + width]
-    for i in range(width):
-        rise, fall = tilt_up[i], 1.0 / tilt_down[i]
-        factor = face_factor(q_before[i], q_here[i], q_after[i], rise, fall, vacuum)
-        mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
-        push = mean * (rise - fall) + 0.5 * (rest_up[i] + rest_down[i])
-        out[i] = push * q_here[i]
 
 
 @inline_kernel
-def _stride(fields: Floats, axis: int) -> int:
-    """The distance of neighbours along an axis in the flat fields."""
-    row = fields.shape[3]
-    return 1 if axis == -1 else row if axis == -2 else row * fields.shape[2]
+def _source_at(forced: _Forced, i: int) -> float:
+    return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.vacuum)
+
+
+@apart_kernel
+def _push_row(
+    forced: _Forced,
+    before: Rows,
+    moved: Rows,
+    width: int,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    decay, first, _ = weights
+    for i in range(whole_vectors(width)):
+        if i < width:
+            m, now = total(load(before, i)), total(load(moved, i))
+            pushed = now - m + ratio * _source_at(forced, i)
+            store(moved, i, (decay * m + first * pushed,))
+
+
+@inline_kernel
+def _run(extents: Extents, task: int, padded: tuple[int, int]) -> tuple[int, int]:
+    """Where the run of a row, counted through all angles, begins in flat fields, and its width."""
+    rows = extents.shape[1]
+    a, j = task // rows, task % rows
+    row = ((a + GHOSTS) * padded[0] + j + GHOSTS) * padded[1] + GHOSTS
+    return row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
 
 
 @parallel_kernel
@@ -263,26 +295,52 @@ def _push(
     fields: Floats,
     before: Floats,
     extents: Extents,
-    field: _Field,
+    work: Floats,
+    vacuum: float,
+    line: tuple[int, int],
     ratio: float,
     weights: tuple[float, float, float],
 ) -> None:
-    """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m."""
-    tilt, rest, axis, vacuum = field
-    decay, first, _ = weights
-    rows = extents.shape[1]
-    stride, normal = _stride(fields, axis), QVX - 1 - axis
-    old = before.reshape(fields.shape[0], -1)
-    new = fields.reshape(fields.shape[0], -1)
-    for task in numba.prange(extents.shape[0] * rows):
-        a, j = task // rows, task % rows
-        row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
-        start, width = row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
-        source = np.empty(width)
-        _sources(old[Q], start, stride, _Field(tilt, rest, axis, vacuum), source)
-        m, moved = run_of(old, normal, start, width), run_of(new, normal, start, width)
-        for i in range(width):
-            moved[i] = decay * m[i] + first * (moved[i] - m[i] + ratio * source[i])
+    """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m.
+
+    line : the component of the momentum, and the distance of neighbours in flat fields.
+    """
+    normal, stride = line
+    padded = fields.shape[2], fields.shape[3]
+    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
+    for task in numba.prange(extents.shape[0] * extents.shape[1]):
+        start, width = _run(extents, task, padded)
+        forced = _forced(old, work, start, stride, vacuum)
+        m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
+        _push_row(forced, m, moved, width, ratio, weights)
+
+
+@inline_kernel
+def _mean(empty: bool, one: float, other: float) -> float:
+    return 0.0 if empty else 0.5 * (one + other)
+
+
+@apart_kernel
+def _combine_row(
+    forced: _Forced,
+    first_stage: Rows,
+    old: Rows,
+    new: Rows,
+    width: int,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    decay, first, second = weights
+    for i in range(whole_vectors(width)):
+        if i < width:
+            before, after, m1 = load(old, i), load(new, i), total(load(first_stage, i))
+            change = after[ALONG] - m1 + ratio * _source_at(forced, i)
+            change -= (m1 - decay * before[ALONG]) / first
+            # A mean of mass and vacuum never gets there by itself, and its velocity is any.
+            empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.vacuum
+            means = each(_mean, (empty,), (before, after))
+            momentum = 0.0 if empty else m1 + second * change
+            store(new, i, (means[DENSITY], momentum, *means[2:]))
 
 
 @parallel_kernel
@@ -291,35 +349,24 @@ def _combine(
     before: Floats,
     middle: Floats,
     extents: Extents,
-    field: _Field,
+    work: Floats,
+    vacuum: float,
+    components: tuple[int, ...],
+    stride: int,
     ratio: float,
     weights: tuple[float, float, float],
 ) -> None:
-    """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0)."""
-    tilt, rest, axis, vacuum = field
-    decay, first, second = weights
-    rows = extents.shape[1]
-    stride, normal = _stride(fields, axis), QVX - 1 - axis
-    old = before.reshape(fields.shape[0], -1)
-    half = middle.reshape(fields.shape[0], -1)
-    new = fields.reshape(fields.shape[0], -1)
-    for task in numba.prange(extents.shape[0] * rows):
-        a, j = task // rows, task % rows
-        row = ((a + GHOSTS) * fields.shape[2] + j + GHOSTS) * fields.shape[3] + GHOSTS
-        start, width = row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
-        momentum = np.empty(width)
-        _sources(half[Q], start, stride, _Field(tilt, rest, axis, vacuum), momentum)
-        m0, m1 = run_of(old, normal, start, width), run_of(half, normal, start, width)
-        moved = run_of(new, normal, start, width)
-        for i in range(width):
-            change = moved[i] - m1[i] + ratio * momentum[i]
-            change -= (m1[i] - decay * m0[i]) / first
-            momentum[i] = m1[i] + second * change
-        q0, q2 = run_of(old, Q, start, width), run_of(new, Q, start, width)
-        # The density last, since it tells which cells are to be emptied: a mean of mass and vacuum
-        # never gets there by itself, and its velocity is any.
-        for k in range(fields.shape[0] - 1, -1, -1):
-            u0, u2 = run_of(old, k, start, width), run_of(new, k, start, width)
-            for i in range(width):
-                mean = momentum[i] if k == normal else 0.5 * (u0[i] + u2[i])
-                u2[i] = 0.0 if 0.5 * (q0[i] + q2[i]) <= vacuum else mean
+    """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0).
+
+    middle : density and momentum after the first stage.
+    components : density, momentum along the direction, and the others.
+    """
+    padded = fields.shape[2], fields.shape[3]
+    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
+    half = middle.reshape(2, -1)
+    for task in numba.prange(extents.shape[0] * extents.shape[1]):
+        start, width = _run(extents, task, padded)
+        forced = _forced(half, work, start, stride, vacuum)
+        m1 = rows_at(half, (1,), start)
+        olds, news = rows_at(old, components, start), rows_at(new, components, start)
+        _combine_row(forced, m1, olds, news, width, ratio, weights)

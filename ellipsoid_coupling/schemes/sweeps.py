@@ -1,12 +1,14 @@
 """One step of transport in one direction, in place and with one pass over memory.
 
-Along x (stride 1) a row is finished on its own. Across rows (y, angle) a bundle of columns, narrow
-enough for its rows to stay in cache, marches through the rows:
+One loop does all to all fields of a cell:
 
-    row p + 1 :  outflow is computed while row p still holds its old values
-    row p     :  is then updated from the outflows of rows p - 1, p and p + 1
+    U_p += F_{p-1/2} - F_{p+1/2}     as soon as the flux through its upper face is known, for which
+                                     the cell above still holds its old values
 
-What is swept is a list of runs, so that only cells that can hold mass are touched.
+Along x (stride 1) the last face is kept from one turn of the loop to the next, in registers. Across
+rows (y, angle) a bundle of columns, narrow enough for its rows to stay in cache, marches through the
+rows, and the last faces are a row in cache. What is swept is a list of runs, so that only cells that
+can hold mass are touched.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
     Stencil,
+    in_order,
     kept_for,
     through_face,
 )
@@ -176,13 +179,14 @@ def _fetch(rows: Rows, width: int) -> None:
 
 
 class _Room(NamedTuple):
-    """What a march writes to on its way, rows as long as whole vectors.
+    """What a march keeps from row to row, in rows as long as whole vectors.
 
     Attributes
     ----------
     faces, ups : K rows each
         What has gone through the last face, and what is kept for the next one.
-    inverse : 1/rho of the row before, and of the row that goes in and out next.
+    before, here : (whole vectors,)
+        1/rho of the row below and of the middle one.
     """
 
     faces: Rows
@@ -324,8 +328,7 @@ def sweep_runs(
         density.
     """
     gone = np.empty(runs.first.size)
-    others = [k for k in range(fields.shape[0]) if k not in (DENSITY, normal)]
-    components = (DENSITY, normal, *others)
+    components = in_order(fields.shape[0], normal)
     fair = runs.first.size // (4 * numba.get_num_threads())
     with numba.parallel_chunksize(max(1, min(_CHUNK, fair))):
         if stride == 1:

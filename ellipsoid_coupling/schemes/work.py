@@ -15,7 +15,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import (
+    apart_kernel,
+    inline_kernel,
+    kernel,
+    parallel_kernel,
+    view_kernel,
+)
 from ellipsoid_coupling.physics.elementary import exp_of_negative
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL
@@ -71,7 +77,7 @@ def _set_run(
             store(out, i, (tilt, work - kept))
 
 
-@view_kernel
+@kernel
 def _source(padded: int, count: int, reflecting: bool) -> tuple[int, float]:
     """The cell whose work a padded one of `count` cells in space holds, and its sign, 0 for none."""
     own = padded - GHOSTS

@@ -46,6 +46,39 @@ def cells(components: int) -> tuple[Floats, CellTerms, Forces]:
 
 @pytest.mark.parametrize("components", [3, 5])
 @pytest.mark.parametrize("interacting", [False, True])
+@pytest.mark.parametrize("left_out", ["nothing", "steady", "turning", "amplitude"])
+def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: str) -> None:
+    """By numpy, to rounding: F/m and F_bar of cells with mass, whatever the scene leaves out."""
+    fields, terms, push = cells(components)
+    terms = {
+        "nothing": terms,
+        "steady": terms._replace(steady=None),
+        "turning": terms._replace(turning=None),
+        "amplitude": terms._replace(amplitude=None),
+    }[left_out]
+    drift = np.full((components // 2 + 1, ROWS, COLUMNS), np.nan)
+    set_drift(fields, terms, push if interacting else None, drift)
+    inner = interior(fields)
+    held = inner[0] > 0.0
+    expected = np.zeros_like(drift)
+    if terms.steady is not None:
+        expected[:2] += terms.steady
+    if interacting:
+        expected[:2] += terms.inverse_mass * np.array([push.x, push.y])
+    if components == 5:
+        angle = np.divide(inner[3], inner[0], out=np.zeros_like(inner[3]), where=held)
+        if terms.turning is not None:
+            even, sine, cosine = terms.turning
+            expected[2] += even + sine * np.sin(2.0 * angle) + cosine * np.cos(2.0 * angle)
+        if terms.amplitude is not None:
+            expected[2] -= terms.amplitude * np.cos(angle)
+        if interacting and push.torque is not None:
+            expected[2] += terms.inverse_inertia * push.torque
+    np.testing.assert_allclose(drift, expected * held, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("components", [3, 5])
+@pytest.mark.parametrize("interacting", [False, True])
 def test_a_kick_anew_is_drift_and_kick_and_extremes(components: int, interacting: bool) -> None:
     """The same bits: the same numbers in the same order."""
     fields, terms, push = cells(components)

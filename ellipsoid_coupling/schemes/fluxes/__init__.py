@@ -1,8 +1,9 @@
 """Numerical fluxes, one file each.
 
-A flux is a NamedTuple (its parameters) and an overload of `outflow` for that type: numba then compiles
-the sweep with that flux inlined, and caches it. To add one, copy `force.py` and name it where a model
-chooses its scheme.
+A flux is a NamedTuple (its parameters) and a formula of a cell and its neighbours, registered for that
+type (`contract.py`): numba then compiles the sweep with that formula inlined, and caches it. To add one,
+copy `force.py` (given at faces) or `ballistic.py` (given for cells) and name it where a model chooses
+its scheme.
 """
 
 from ellipsoid_coupling.schemes.fluxes.ballistic import Ballistic

@@ -31,6 +31,12 @@ VACUUM = 1e-20
 _OPTIONS: Any = KERNEL_OPTIONS
 
 
+def in_order(count: int, normal: int) -> tuple[int, ...]:
+    """Of `count` components the density, the momentum along the sweep, and then the others."""
+    others = (k for k in range(count) if k not in (DENSITY, normal))
+    return DENSITY, normal, *others
+
+
 class Flux(Protocol):
     """A NamedTuple of a flux's parameters: numbers, or arrays that belong to the cells."""
 

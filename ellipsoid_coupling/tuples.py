@@ -62,12 +62,13 @@ def fetch(rows: Rows, i: int) -> None:
     del rows, i
 
 
-def element(array: Floats, i: int) -> float:
-    """Element i of `array` (n,); kernels do not count a negative i from the end.
+def element(array: NDArray[Any], i: int) -> Any:
+    """Element i of a contiguous array, along its axes one after another.
 
-    With ``array[first + i]`` in a loop they do, and gather.
+    Kernels do not count a negative i from the end; with ``array[first + i]`` in a loop they do, and
+    gather what stands in line.
     """
-    return float(array[i])
+    return array.reshape(-1)[i]
 
 
 def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Values, ...]) -> Any:
@@ -104,10 +105,14 @@ def total(values: Values) -> float:
     return sum(values)
 
 
+def _check_contiguous(array: Any) -> None:
+    if array.layout != "C":
+        raise TypingError("a contiguous array is needed")
+
+
 def _rows_at(context: Any, array: Any, which: Any, first: Any) -> Any:
     del context
-    if array.layout != "C":
-        raise TypingError("rows of a contiguous array only")
+    _check_contiguous(array)
     result = _uni_tuple(_points_to(array.dtype), which.count)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -165,6 +170,7 @@ def _fetch(context: Any, rows: Any, i: Any) -> Any:
 
 def _element(context: Any, array: Any, i: Any) -> Any:
     del context
+    _check_contiguous(array)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data

@@ -27,6 +27,7 @@ from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.flow.saved import read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
 from ellipsoid_coupling.kernels import inline_kernel, kernel
+from ellipsoid_coupling.tuples import element
 
 Array = NDArray[np.float64]
 
@@ -70,22 +71,18 @@ class FlowSample(NamedTuple):
 def _cell(position: float, cells: int) -> int:
     """The cell of a position in units of cells, the nearest one from outside, 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
-    index = 0
-    if position >= cells:
-        index = cells - 1
-    elif position > 0.0:
-        index = int(position)
-    return index
+    low = max(0.0, position)
+    held = low if low < cells else cells - 1.0
+    return int(held)
 
 
 @inline_kernel
 def _row(
-    c: Array, i: int, j: int, t: float, s: float, weights: tuple[float, float, float, float]
+    c: Array, first: int, t: float, s: float, weights: tuple[float, float, float, float]
 ) -> tuple[float, float, float]:
-    """Value, slope and curvature along x (per cell) of one row of coefficients; s = 1 - t."""
-    # Unsigned: a signed index costs a test for negative values at each of the 16 loads.
-    k, j0, j1, j2, j3 = np.uintp(i), np.uintp(j), np.uintp(j + 1), np.uintp(j + 2), np.uintp(j + 3)
-    c0, c1, c2, c3 = c[k, j0], c[k, j1], c[k, j2], c[k, j3]
+    """Value, slope and curvature along x (per cell) of four coefficients in a row; s = 1 - t."""
+    c0, c1 = element(c, first), element(c, first + 1)
+    c2, c3 = element(c, first + 2), element(c, first + 3)
     value = weights[0] * c0 + weights[1] * c1 + weights[2] * c2 + weights[3] * c3
     # Derivatives of a B-spline are B-splines of the differences: fewer operations, same rounding.
     d0, d1, d2 = c1 - c0, c2 - c1, c3 - c2
@@ -113,10 +110,12 @@ def sample_flow(
     # Weights of the uniform cubic B-spline in x, the outer and the inner two.
     inner = 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s)
     weights = s * s * s / 6.0, inner[0], inner[1], t * t * t / 6.0
-    v0, m0, k0 = _row(c, i, j, t, s, weights)
-    v1, m1, k1 = _row(c, i + 1, j, t, s, weights)
-    v2, m2, k2 = _row(c, i + 2, j, t, s, weights)
-    v3, m3, k3 = _row(c, i + 3, j, t, s, weights)
+    row = c.shape[1]
+    first = i * row + j
+    v0, m0, k0 = _row(c, first, t, s, weights)
+    v1, m1, k1 = _row(c, first + row, t, s, weights)
+    v2, m2, k2 = _row(c, first + 2 * row, t, s, weights)
+    v3, m3, k3 = _row(c, first + 3 * row, t, s, weights)
     w0, w3 = q * q * q / 6.0, r * r * r / 6.0
     w1, w2 = 2.0 / 3.0 - r * r * (1.0 - 0.5 * r), 2.0 / 3.0 - q * q * (1.0 - 0.5 * q)
     e0, e1, e2 = 0.5 * q * q, 0.5 + r * q, 0.5 * r * r
@@ -127,7 +126,7 @@ def sample_flow(
     psi_yy = gy * gy * (q * (v2 - 2.0 * v1 + v0) + r * (v3 - 2.0 * v2 + v1))
     # `and` would branch, which takes as long as all of the above.
     inside = (flow.x_low <= x) & (x <= flow.x_high) & (flow.y_low <= y) & (y <= flow.y_high)
-    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside & (flow.mask[i, j] != 0)
+    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside & (element(flow.mask, i * nx + j) != 0)
 
 
 @kernel

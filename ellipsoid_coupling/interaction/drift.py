@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow.field import FlowArrays, sample_flow
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import harmonic_force, sine_torque
 from ellipsoid_coupling.physics.jeffery import jeffery
+from ellipsoid_coupling.tuples import Rows, each, load, rows_at, store
 
 Floats = NDArray[np.float64]
 
@@ -52,54 +53,86 @@ class Drift(NamedTuple):
 
 
 @kernel
-def set_axes(place: Floats, axis: Floats) -> None:
-    """Cos and sin of 2 theta (2, N); where nothing turns only circles interact: any axis does."""
+def set_axes(place: Floats, axis: Floats, part: tuple[int, int]) -> None:
+    """Cos and sin of 2 theta (2, N) of the particles part[0] .. part[1] - 1.
+
+    Where nothing turns only circles interact: any axis does.
+    """
+    first, end = part
+    cosine, sine = axis[0, first:end], axis[1, first:end]
     if place.shape[0] == 3:
-        cosine, sine, angle = axis[0], axis[1], place[2]
-        for i in range(angle.size):
+        angle = place[2, first:end]
+        for i in range(end - first):
             cosine[i], sine[i] = cos_sin(2.0 * angle[i])
     else:
-        axis[0], axis[1] = 1.0, 0.0
+        cosine[:], sine[:] = 1.0, 0.0
 
 
-@kernel
-def _set_fluid_torque(
-    angular_drag: float | None,
-    torque_at: tuple[Floats, int],
-    axis: tuple[float, float],
+@apart_kernel
+def _set_fluid_rows(
+    flow: FlowArrays,
+    drags: tuple[float, float],
+    shape_factor: float,
+    place: Rows,
+    axis: Rows,
+    force: Rows,
+    count: int,
+) -> int:
+    """Overwrite the forces of some particles with the fluid's; `axis` is () where nothing turns."""
+    outside = 0
+    # Not by whole vectors: under an `if`, LLVM does not gather the mask, and goes one by one.
+    for i in range(count):
+        here = load(place, i)
+        ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow, here[0], here[1])
+        outside += not inside
+        turned = load(axis, i)
+        gradient = dux_dx, dux_dy, duy_dx
+        rates = each(_fluid_torque, (drags[1], gradient, shape_factor), (turned[:1], turned[1:]))
+        store(force, i, (drags[0] * ux, drags[0] * uy, *rates))
+    return outside
+
+
+@inline_kernel
+def _fluid_torque(
+    angular_drag: float,
     gradient: tuple[float, float, float],
     shape_factor: float,
-) -> None:
-    if angular_drag is not None:
-        force, i = torque_at
-        dux_dx, dux_dy, duy_dx = gradient
-        force[2, i] = angular_drag * jeffery(
-            axis[0], axis[1], dux_dx, dux_dy, duy_dx, -dux_dx, shape_factor
-        )
+    c2: float,
+    s2: float,
+) -> float:
+    """gamma_bar g."""
+    dux_dx, dux_dy, duy_dx = gradient
+    return angular_drag * jeffery(c2, s2, dux_dx, dux_dy, duy_dx, -dux_dx, shape_factor)
 
 
 @kernel
-def _set_fluid_forces(
-    flow: FlowArrays | None, drift: Drift, place: Floats, axis: Floats, force: Floats
+def _set_fluid(
+    flow: FlowArrays | None,
+    drift: Drift,
+    angular_drag: float | None,
+    place: Floats,
+    axis: Floats,
+    force: Floats,
+    part: tuple[int, int],
 ) -> int:
     """Overwrite the forces with the fluid's; returns how many particles lie outside the flow."""
+    first, end = part
     if flow is None:
-        force[:] = 0.0
+        force[:, first:end] = 0.0
         return 0
-    outside = 0
-    for i in range(place.shape[1]):
-        ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow, place[0, i], place[1, i])
-        outside += not inside
-        force[0, i] = drift.drag * ux
-        force[1, i] = drift.drag * uy
-        _set_fluid_torque(
-            drift.angular_drag,
-            (force, i),
-            (axis[0, i], axis[1, i]),
-            (dux_dx, dux_dy, duy_dx),
-            drift.shape_factor,
-        )
-    return outside
+    at, count = rows_at(place, (0, 1), first), end - first
+    if angular_drag is None:
+        drags = drift.drag, 0.0
+        return _set_fluid_rows(flow, drags, 0.0, at, (), rows_at(force, (0, 1), first), count)
+    return _set_fluid_rows(
+        flow,
+        (drift.drag, angular_drag),
+        drift.shape_factor,
+        at,
+        rows_at(axis, (0, 1), first),
+        rows_at(force, (0, 1, 2), first),
+        count,
+    )
 
 
 @kernel
@@ -109,27 +142,45 @@ def _add_pairs(pairs: Pairs | None, place: Floats, axis: Floats, force: Floats) 
 
 
 @kernel
-def _add_outer_force(stiffness: float | None, place: Floats, force: Floats) -> None:
+def _add_outer_force(
+    stiffness: float | None, place: Floats, force: Floats, part: tuple[int, int]
+) -> None:
     if stiffness is not None:
-        for i in range(place.shape[1]):
-            fx, fy = harmonic_force(place[0, i], place[1, i], stiffness)
-            force[0, i] += fx
-            force[1, i] += fy
+        first, end = part
+        x, y, force_x, force_y = (
+            place[0, first:end],
+            place[1, first:end],
+            force[0, first:end],
+            force[1, first:end],
+        )
+        for i in range(end - first):
+            fx, fy = harmonic_force(x[i], y[i], stiffness)
+            force_x[i] += fx
+            force_y[i] += fy
 
 
 @kernel
-def _add_outer_torque(amplitude: float | None, place: Floats, force: Floats) -> None:
+def _add_outer_torque(
+    amplitude: float | None, place: Floats, force: Floats, part: tuple[int, int]
+) -> None:
     if amplitude is not None:
-        for i in range(place.shape[1]):
-            force[2, i] += sine_torque(place[2, i], amplitude)
+        first, end = part
+        angle, torque = place[2, first:end], force[2, first:end]
+        for i in range(end - first):
+            torque[i] += sine_torque(angle[i], amplitude)
 
 
 @kernel
-def own_forces(drift: Drift, place: Floats, axis: Floats, force: Floats) -> int:
-    """`particle_forces` without the pairs; axis (2, N) is that of `set_axes`."""
-    outside = _set_fluid_forces(drift.flow, drift, place, axis, force)
-    _add_outer_force(drift.stiffness, place, force)
-    _add_outer_torque(drift.amplitude, place, force)
+def own_forces(
+    drift: Drift, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
+) -> int:
+    """`particle_forces` of the particles part[0] .. part[1] - 1, without the pairs.
+
+    axis : (2, N), that of `set_axes`.
+    """
+    outside = _set_fluid(drift.flow, drift, drift.angular_drag, place, axis, force, part)
+    _add_outer_force(drift.stiffness, place, force, part)
+    _add_outer_torque(drift.amplitude, place, force, part)
     return outside
 
 
@@ -151,7 +202,8 @@ def particle_forces(drift: Drift, place: Floats, force: Floats) -> int:
         How many particles lie outside the flow.
     """
     axis = np.empty((2, place.shape[1]))
-    set_axes(place, axis)
-    outside = own_forces(drift, place, axis, force)
+    all_of_them = 0, place.shape[1]
+    set_axes(place, axis, all_of_them)
+    outside = own_forces(drift, place, axis, force, all_of_them)
     _add_pairs(drift.pairs, place, axis, force)
     return outside

@@ -113,9 +113,8 @@ def _part_forces(
     drift: Drift, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
 ) -> int:
     """Axes and drift without pairs of the particles part[0] .. part[1] - 1."""
-    first, end = part
-    set_axes(place[:, first:end], axis[:, first:end])
-    return own_forces(drift, place[:, first:end], axis[:, first:end], force[:, first:end])
+    set_axes(place, axis, part)
+    return own_forces(drift, place, axis, force, part)
 
 
 @kernel

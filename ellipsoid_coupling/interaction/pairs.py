@@ -35,8 +35,10 @@ from ellipsoid_coupling.interaction.cells import (
     gather,
     sort_by_cell,
 )
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.kernels import apart_kernel, kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, pair_terms
+from ellipsoid_coupling.registers import DOUBLES
+from ellipsoid_coupling.tuples import Rows, load, rows_at, store, whole_vectors
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -70,14 +72,13 @@ class RowSums(NamedTuple):
 
 @kernel
 def sum_in_lanes(values: Floats) -> float:
-    """The sum of an array in eight interleaved parts, in a fixed order.
+    """The sum of whole vectors in eight interleaved parts, in a fixed order.
 
     One running sum would wait for each addition, and a compiler that may reorder it rounds as it
     likes.
     """
-    s0, s1, s2, s3, s4, s5, s6, s7, rest = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    end = values.size - values.size % 8
-    for j in range(0, end, 8):
+    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(0, values.size - values.size % 8, 8):
         s0 += values[j]
         s1 += values[j + 1]
         s2 += values[j + 2]
@@ -86,16 +87,33 @@ def sum_in_lanes(values: Floats) -> float:
         s5 += values[j + 5]
         s6 += values[j + 6]
         s7 += values[j + 7]
-    for j in range(end, values.size):
-        rest += values[j]
-    return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + rest
+    return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7))
 
 
 @kernel
 def scratch(sources: Sources) -> tuple[Floats, Floats]:
-    """For `gather` and `sum_over_sources`: a buffer (4, n) and what it gives (3, n)."""
-    count = sources.records.shape[0]
-    return np.empty((RECORD, count)), np.empty((3, count))
+    """For `gather` and `sum_over_sources`: a buffer (4, m) and what it gives (3, m), m > n."""
+    room = sources.records.shape[0] + DOUBLES
+    return np.zeros((RECORD, room)), np.empty((3, room))
+
+
+@apart_kernel
+def _feel(
+    target: tuple[float, float, float, float],
+    others: Rows,
+    given: Rows,
+    count: int,
+    shape: PotentialShape,
+) -> None:
+    """What `count` others do to the target: `given`, 0 up to whole vectors behind the last one."""
+    x, y, c2, s2 = target
+    for j in range(whole_vectors(count)):
+        other = load(others, j)
+        _, by_x, by_y, by_theta = pair_potential(
+            other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
+        )
+        met = j < count
+        store(given, j, (by_x if met else 0.0, by_y if met else 0.0, by_theta if met else 0.0))
 
 
 @kernel
@@ -108,39 +126,37 @@ def sum_over_sources(
 ) -> tuple[float, float, float]:
     """Sum of dU/dx, dU/dy, dU/dtheta (over eps0) of one target (x, y, c2, s2) with the buffer.
 
-    given : (3, count or more), scratch.
+    buffer, given : see `scratch`.
     """
-    x, y, c2, s2 = target
-    other_x, other_y, other_c2, other_s2 = buffer[X], buffer[Y], buffer[C2], buffer[S2]
-    by_x, by_y, by_theta = given[0, :count], given[1, :count], given[2, :count]
-    for j in range(count):
-        _, by_x[j], by_y[j], by_theta[j] = pair_potential(
-            other_x[j] - x, other_y[j] - y, c2, s2, other_c2[j], other_s2[j], shape
-        )
-    return sum_in_lanes(by_x), sum_in_lanes(by_y), sum_in_lanes(by_theta)
+    end = whole_vectors(count)
+    _feel(target, rows_at(buffer, (X, Y, C2, S2), 0), rows_at(given, (0, 1, 2), 0), count, shape)
+    return sum_in_lanes(given[0, :end]), sum_in_lanes(given[1, :end]), sum_in_lanes(given[2, :end])
 
 
-@kernel
+@apart_kernel
 def _meet(
     target: tuple[float, float, float, float],
-    others: tuple[Floats, Floats, Floats, Floats],
-    felt: tuple[Floats, Floats, Floats],
-    given: tuple[Floats, Floats, Floats],
+    others: Rows,
+    felt: Rows,
+    given: Rows,
+    count: int,
     shape: PotentialShape,
-) -> tuple[float, float, float]:
-    """The sums of one target over the others (n,) each; adds what they feel in turn."""
+) -> None:
+    """What `count` others do to the target, (dU/dx, dU/dy, dU/dtheta), and add what they feel in turn.
+
+    given : 0 up to whole vectors behind the last one.
+    """
     x, y, c2, s2 = target
-    other_x, other_y, other_c2, other_s2 = others
-    felt_x, felt_y, felt_theta = felt
-    by_x, by_y, by_theta = given
-    for j in range(other_x.size):
-        _, by_x[j], by_y[j], by_theta[j], slope_bar = pair_terms(
-            other_x[j] - x, other_y[j] - y, c2, s2, other_c2[j], other_s2[j], shape
+    for j in range(whole_vectors(count)):
+        other, before = load(others, j), load(felt, j)
+        _, by_x, by_y, by_theta, slope_bar = pair_terms(
+            other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
         )
-        felt_x[j] -= by_x[j]
-        felt_y[j] -= by_y[j]
-        felt_theta[j] += slope_bar
-    return sum_in_lanes(by_x), sum_in_lanes(by_y), sum_in_lanes(by_theta)
+        met = j < count
+        by_x, by_y = by_x if met else 0.0, by_y if met else 0.0
+        by_theta, slope_bar = by_theta if met else 0.0, slope_bar if met else 0.0
+        store(given, j, (by_x, by_y, by_theta))
+        store(felt, j, (before[0] - by_x, before[1] - by_y, before[2] + slope_bar))
 
 
 @kernel
@@ -149,21 +165,17 @@ def _meet_the_rest(
 ) -> None:
     """Pairs of the buffer's particle t with those behind it, up to `count`."""
     rest = t + 1
-    sum_x, sum_y, sum_theta = _meet(
+    end = whole_vectors(count - rest)
+    _meet(
         (buffer[X, t], buffer[Y, t], buffer[C2, t], buffer[S2, t]),
-        (
-            buffer[X, rest:count],
-            buffer[Y, rest:count],
-            buffer[C2, rest:count],
-            buffer[S2, rest:count],
-        ),
-        (felt[0, rest:count], felt[1, rest:count], felt[2, rest:count]),
-        (given[0, rest:count], given[1, rest:count], given[2, rest:count]),
+        rows_at(buffer, (X, Y, C2, S2), rest),
+        rows_at(felt, (0, 1, 2), rest),
+        rows_at(given, (0, 1, 2), 0),
+        count - rest,
         shape,
     )
-    felt[0, t] += sum_x
-    felt[1, t] += sum_y
-    felt[2, t] += sum_theta
+    for k in range(3):
+        felt[k, t] += sum_in_lanes(given[k, :end])
 
 
 @kernel
@@ -271,7 +283,8 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             most = max(most, _runs(cell, row, sources, grid, runs)[1])
-    work = np.empty((RECORD, most)), np.empty((3, most)), np.empty((3, most)), runs
+    most += DOUBLES
+    work = np.zeros((RECORD, most)), np.zeros((3, most)), np.empty((3, most)), runs
     ghost_work = _ghost_work(pairs.ghosts)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):

@@ -30,7 +30,13 @@ from ellipsoid_coupling.schemes.particles.exponential import (
     squared_errors,
     step_factor,
 )
-from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates, noise_rows
+from ellipsoid_coupling.schemes.particles.state import (
+    Limits,
+    ParticleState,
+    Rates,
+    all_finite,
+    noise_rows,
+)
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -164,9 +170,11 @@ def _move(
     rates: Rates,
     limits: Limits,
     dt: float,
+    finite: NDArray[np.bool_],
 ) -> None:
     for k in range(blocks[0], blocks[1]):
         leapfrog.move(state, k, step, rates, limits, dt)
+        finite[k] = all_finite(state.velocity[k])
 
 
 @kernel
@@ -198,6 +206,21 @@ def _predict(
 ) -> None:
     """Predictions and what acts on each sample there by itself; errors too, if that is all."""
     for k in range(blocks[0], blocks[1]):
+        _predict_block(state, k, step, rates, limits, trial, dt, found)
+
+
+@kernel
+def _predict_block(
+    state: ParticleState,
+    k: int,
+    step: int,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+    found: _Found | None,
+) -> None:
+    if found is not None:
         noise, here = noise_rows(state.noise, k, step), _trial_of(trial, k)
         predict_step(state, k, noise, rates, limits, here, dt)
         found.outside[k] = _set_alone(found.alone, here.folded, here.force)
@@ -240,25 +263,28 @@ def _accept(
     rates: Rates,
     limits: Limits,
     trial: Trial,
-    dt: float,
+    steps: tuple[float, float],
+    finite: NDArray[np.bool_],
+    ahead: _Found | None,
 ) -> None:
+    """Finish a step and, with `ahead`, predict the next one, block by block: both are `steps` long."""
+    dt, next_dt = steps
     for k in range(blocks[0], blocks[1]):
         noise = noise_rows(state.noise, k, step)
         accept_step(state, k, noise, rates, limits, _trial_of(trial, k), dt)
+        finite[k] = all_finite(state.velocity[k])
+        _predict_block(state, k, step + 1, rates, limits, trial, next_dt, ahead)
 
 
-def _check_finite(state: ParticleState) -> None:
-    if not np.isfinite(state.velocity).all():
-        state.clock[0, STATUS] = NOT_FINITE
-
-
-def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt: float) -> None:
-    """One leapfrog step of all blocks in the drift `state.force`."""
+def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt: float) -> bool:
+    """One leapfrog step of all blocks in the drift `state.force`; whether all is finite then."""
+    finite = np.ones(state.place.shape[0], np.bool_)
 
     def move(first: int, end: int) -> None:
-        _move(state, (first, end), step, rates, limits, dt)
+        _move(state, (first, end), step, rates, limits, dt, finite)
 
     over_blocks(state.place, move, _LEAST_STEPS)
+    return bool(finite.all())
 
 
 def advance_leapfrog(
@@ -277,9 +303,10 @@ def advance_leapfrog(
             return
         dt = equal_steps(remaining, limits.step)
         clock[OUTSIDE] = set_forces(forces, state.place, state.force)
-        _move_all(state, step, rates, limits, dt)
+        finite = _move_all(state, step, rates, limits, dt)
         accept(clock, until, dt, limits.step, GIVEN)
-        _check_finite(state)
+        if not finite:
+            clock[STATUS] = NOT_FINITE
 
 
 class _Exponential:
@@ -291,30 +318,39 @@ class _Exponential:
         # One array, since the system hands out large ones in large pages.
         self.trial = Trial(*np.ones((len(Trial._fields), *shape)))
         self.squares = np.empty(shape[:2])
-        self.outside = np.zeros(shape[0], np.int64)
+        self.finite = np.ones(shape[0], np.bool_)
+        squares = self.squares if forces.together is None else None
+        self.found = _Found(forces.alone, np.zeros(shape[0], np.int64), squares)
 
-    def try_step(self, step: int, dt: float) -> tuple[float, int]:
-        """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
-        state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
-        place, forces, squares = state.place, self.forces, self.squares
-        common = rates, limits, trial, dt
-        found = _Found(forces.alone, self.outside, squares if forces.together is None else None)
-        over_blocks(place, lambda a, b: _predict(state, (a, b), step, *common, found))
-        outside = int(self.outside.sum())
-        if forces.together is not None:
-            outside += forces.together(trial.folded, trial.force)
-            over_blocks(place, lambda a, b: _measure(state, (a, b), *common, squares), _LEAST_STEPS)
+    def predict(self, step: int, dt: float) -> None:
+        """Where the step leads for a constant drift, and the drift of each sample by itself there."""
+        state, common = self.state, (self.rates, self.limits, self.trial, dt)
+        over_blocks(state.place, lambda a, b: _predict(state, (a, b), step, *common, self.found))
+
+    def examine(self, dt: float) -> tuple[float, int]:
+        """The drift at what is predicted; the error estimate over the tolerance, and its kind."""
+        state, trial, squares = self.state, self.trial, self.squares
+        outside = int(self.found.outside.sum())
+        if self.forces.together is not None:
+            common = self.rates, self.limits, trial, dt
+            outside += self.forces.together(trial.folded, trial.force)
+            over_blocks(
+                state.place, lambda a, b: _measure(state, (a, b), *common, squares), _LEAST_STEPS
+            )
         state.clock[0, OUTSIDE] = outside
-        return largest_error(squares.mean(axis=0), limits.tolerance)
+        return largest_error(squares.mean(axis=0), self.limits.tolerance)
 
-    def accept(self, step: int, dt: float) -> None:
-        """Finish the step that was tried."""
-        state, rates, limits, trial = self.state, self.rates, self.limits, self.trial
+    def accept(self, step: int, dt: float, next_dt: float) -> None:
+        """Finish the step that was examined; predict the next one, unless `next_dt` is 0."""
+        state, common = self.state, (self.rates, self.limits, self.trial)
+        ahead = self.found if next_dt > 0.0 else None
         over_blocks(
             state.place,
-            lambda a, b: _accept(state, (a, b), step, rates, limits, trial, dt),
-            _LEAST_STEPS,
+            lambda a, b: _accept(state, (a, b), step, *common, (dt, next_dt), self.finite, ahead),
+            _LEAST_STEPS if ahead is None else _LEAST_DRIFTS,
         )
+        if not self.finite.all():
+            state.clock[0, STATUS] = NOT_FINITE
 
 
 def advance_exponential(
@@ -325,24 +361,38 @@ def advance_exponential(
     until: float,
     steps: int,
 ) -> None:
-    """`Stepper` of the scheme `accurate`; the error estimate is the root mean square of all."""
+    """`Stepper` of the scheme `accurate`; the error estimate is the root mean square of all.
+
+    Finishing a step and predicting the next one is one pass over memory.
+    """
     clock = state.clock[0]
     parts = _Exponential(state, forces, rates, limits)
     if clock[STEPS] == 0.0:
         clock[OUTSIDE] = set_forces(forces, state.place, state.force)
+    dt, predicted = _next_step(clock, until), False
     for step in range(steps):
-        remaining = until - clock[TIME]
-        if remaining <= 0.0 or clock[STATUS] != RUNNING:
+        if dt == 0.0 or clock[STATUS] != RUNNING:
             return
-        dt = equal_steps(remaining, clock[NEXT_STEP])
-        error, kind = parts.try_step(step, dt)
+        if not predicted:
+            parts.predict(step, dt)
+        error, kind = parts.examine(dt)
         planned = dt * step_factor(error)
-        if not error <= 1.0 and state.noise is None:
+        predicted = bool(error <= 1.0) or state.noise is not None
+        if predicted:
+            taken = dt
+            accept(clock, until, dt, planned, kind)
+            dt = _next_step(clock, until)
+            predicted = step + 1 < steps
+            parts.accept(step, taken, dt if predicted else 0.0)
+        else:
             reject(clock, until, planned, kind)
-            continue
-        parts.accept(step, dt)
-        accept(clock, until, dt, planned, kind)
-        _check_finite(state)
+            dt = _next_step(clock, until)
+
+
+def _next_step(clock: Floats, until: float) -> float:
+    """The step to try next; 0 where the end is reached."""
+    remaining = float(until - clock[TIME])
+    return float(equal_steps(remaining, clock[NEXT_STEP])) if remaining > 0.0 else 0.0
 
 
 TOGETHER = {

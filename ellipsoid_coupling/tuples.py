@@ -96,6 +96,12 @@ def whole_vectors(width: int) -> int:
     return (width + DOUBLES - 1) // DOUBLES * DOUBLES
 
 
+@inline_kernel
+def row_of(rows: int, row: int, component: int) -> int:
+    """A row of a component that has so many rows, counted through all components (see `rows_at`)."""
+    return component * rows + row
+
+
 def _rows_of_nothing(array: None, which: tuple[int, ...], first: int) -> Rows:  # noqa: ARG001
     return ()
 

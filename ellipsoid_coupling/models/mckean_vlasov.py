@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
@@ -56,7 +57,7 @@ from ellipsoid_coupling.schemes.step_control import (
 Floats = NDArray[np.float64]
 
 # Without noise a call of `advance` may take any number of steps; a few show progress often enough.
-_STEPS_PER_CALL = 4
+_STEPS_PER_CALL = 8
 # A block costs as much besides as some fifty of its samples; this many fit into cache.
 _BLOCK = 1024
 # How far beyond an open domain samples interact, in ranges of the potential.
@@ -127,7 +128,8 @@ class McKeanVlasov:
         samples = self._state.place.shape[0] * self._state.place.shape[2]
         self._interaction = _scene_samples(setup.scene, samples)
         alone = Alone(drift._replace(pairs=None), drift.pairs)
-        self._forces = Forces(alone, None if self._interaction is None else self._interact)
+        together = None if self._interaction is None else self._interact
+        self._forces = Forces(alone, together, KeptArrays())
         self._blocks = np.zeros(1, np.int64)
 
     @property

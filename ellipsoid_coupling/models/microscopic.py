@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE, LargeCloud
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
@@ -45,7 +46,7 @@ Floats = NDArray[np.float64]
 
 # Without noise a call of `advance` may take any number of steps; this many show progress often
 # enough and cost nothing.
-_STEPS_PER_CALL = 16
+_STEPS_PER_CALL = 40
 
 
 def start_state(setup: Setup) -> ParticleState:
@@ -80,6 +81,7 @@ class Microscopic:
         self._blocks = np.zeros(setup.realisations, np.int64)
         number = setup.scene.particles.number
         self._large = LargeCloud(self._drift, number) if number >= LEAST_LARGE else None
+        self._room = KeptArrays()
 
     @property
     def time(self) -> float:
@@ -87,16 +89,17 @@ class Microscopic:
         return float(self._state.clock[:, TIME].min())
 
     def advance(self, until: float) -> None:
-        """At most sixteen steps of every realisation."""
+        """Some steps of every realisation; at most as many as a block of noise is for."""
         state = self._state._replace(noise=self._draw_noise(until))
+        steps = _STEPS_PER_CALL if state.noise is None else STEPS_PER_BLOCK
         rates, limits = self._rates, self._limits
         if self._large is None:
-            self._stepper.advance(state, self._drift, rates, limits, until, _STEPS_PER_CALL)
+            self._stepper.advance(state, self._drift, rates, limits, until, steps)
         else:
             together = TOGETHER[self._setup.scheme]
-            forces = Forces(None, self._large.set_forces)
+            forces = Forces(None, self._large.set_forces, self._room)
             for k in range(state.place.shape[0]):
-                together.advance(one_of(state, k), forces, rates, limits, until, _STEPS_PER_CALL)
+                together.advance(one_of(state, k), forces, rates, limits, until, steps)
         self._check()
 
     def _draw_noise(self, until: float) -> Floats | None:

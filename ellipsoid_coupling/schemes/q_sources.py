@@ -38,6 +38,7 @@ from ellipsoid_coupling.tuples import (
     Values,
     each,
     load,
+    row_of,
     rows_at,
     store,
     whole_vectors,
@@ -71,14 +72,8 @@ def _accelerations(
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
         drive = drive_at(terms, forces, (j, ny, 0), a % distinct * ny + j)
-        rows = rows_at(out, each(_row, (na * ny, task), (parts,)), 0)
+        rows = rows_at(out, each(row_of, (na * ny, task), (parts,)), 0)
         _accelerate_row(drive, _held_angle(terms, a, na), nx, rows)
-
-
-@inline_kernel
-def _row(rows: int, row: int, component: int) -> int:
-    """A row of a component with so many rows, counted through all components."""
-    return component * rows + row
 
 
 def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> None:
@@ -227,7 +222,7 @@ def _relax(
             if width > 0:
                 drive = drive_at(terms, forces, (j, rows, first), a % distinct * rows + j)
                 row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
-                held = each(_row, (fields.shape[1] * fields.shape[2], row), (parts,))
+                held = each(row_of, (fields.shape[1] * fields.shape[2], row), (parts,))
                 cells = rows_at(fields, held, first + GHOSTS)
                 held_angle = _held_angle(terms, a, angles)
                 _relax_row(cells, drive, held_angle, rates, limits, width, peaks)

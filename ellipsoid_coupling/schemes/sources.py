@@ -40,6 +40,7 @@ from ellipsoid_coupling.tuples import (
     Values,
     each,
     load,
+    row_of,
     rows_at,
     store,
     total,
@@ -117,19 +118,13 @@ def _set_drift(
 @inline_kernel
 def _cells(fields: Floats, components: tuple[int, ...], j: int) -> Rows:
     """Row j of the interior of padded fields."""
-    return rows_at(fields, each(_row, (fields.shape[1], j + GHOSTS), (components,)), GHOSTS)
+    return rows_at(fields, each(row_of, (fields.shape[1], j + GHOSTS), (components,)), GHOSTS)
 
 
 @inline_kernel
 def _drifts(drift: Floats, rates: tuple[int, ...], j: int) -> Rows:
     """Row j of the drift; of a drift of one row, that one."""
-    return rows_at(drift, each(_row, (drift.shape[1], j % drift.shape[1]), (rates,)), 0)
-
-
-@inline_kernel
-def _row(rows: int, j: int, component: int) -> int:
-    """Row j of a component with so many rows, counted through all components."""
-    return component * rows + j
+    return rows_at(drift, each(row_of, (drift.shape[1], j % drift.shape[1]), (rates,)), 0)
 
 
 def _parts(fields: Floats) -> tuple[tuple[int, ...], tuple[int, ...]]:

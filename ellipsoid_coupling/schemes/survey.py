@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import (
+    apart_kernel,
     for_each,
+    inline_kernel,
     kernel,
     parallel_kernel,
     shares,
@@ -18,11 +20,12 @@ from ellipsoid_coupling.kernels import (
 )
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.tuples import Rows, each, load, row_of, rows_at, store, whole_vectors
 
 Floats = NDArray[np.float64]
 
-# To look at so many cells takes as long as to wake a thread.
-_CELLS_PER_THREAD = 20_000
+# To look at so many cells takes as long as to wake a thread; rows are dealt out in so many tasks.
+_CELLS_PER_THREAD, _TASKS = 100_000, 64
 
 # Sums and extremes over particles are kept in so many lanes, which do not wait for one another.
 _LANES = 64
@@ -34,24 +37,48 @@ _PARTS, _NUMBERS_PER_PART = 8, 100_000
 _MASS, _LEAST, _MOTION, _SPIN = range(4)
 
 
-@parallel_kernel
-def _survey(fields: Floats, first: int, planes: int, rows: Floats) -> None:
-    components, ny = fields.shape[0], fields.shape[2] - 2 * GHOSTS
-    for task in numba.prange(planes * ny):
-        a, j = first + task // ny, task % ny + GHOSTS
-        mass, least, motion, spin = 0.0, np.inf, 0.0, 0.0
-        for i in range(GHOSTS, fields.shape[3] - GHOSTS):
-            rho = fields[DENSITY, a, j, i]
+@inline_kernel
+def _with_square(inverse: float, total: float, carried: float) -> float:
+    return total + carried * carried * inverse
+
+
+@apart_kernel
+def _survey_row(cells: Rows, width: int, sums: Rows) -> None:
+    """Add a row to the sums of each column; `cells` ends with the angular momentum, if there is any."""
+    for i in range(whole_vectors(width)):
+        if i < width:
+            cell, before = load(cells, i), load(sums, i)
+            rho = cell[DENSITY]
             share = 0.0 if rho == 0.0 else 1.0 / rho
-            x, y = fields[1, a, j, i], fields[2, a, j, i]
-            mass += rho
-            least = min(least, rho)
-            motion += (x * x + y * y) * share
-            if components > 3:
-                turn = fields[components - 1, a, j, i]
-                spin += turn * turn * share
-        rows[task, _MASS], rows[task, _LEAST] = mass, least
-        rows[task, _MOTION], rows[task, _SPIN] = motion, spin
+            motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * share
+            spin = each(_with_square, (share,), (before[_SPIN:], cell[3:]))
+            least = min(before[_LEAST], rho)
+            store(sums, i, (before[_MASS] + rho, least, motion, *spin))
+
+
+@parallel_kernel
+def _survey(
+    fields: Floats,
+    components: tuple[int, ...],
+    kinds: tuple[int, ...],
+    first: int,
+    planes: int,
+    found: Floats,
+) -> None:
+    """Surveys of some rows each: found (tasks, 4), the first of them overwritten."""
+    rows, columns = fields.shape[2] - 2 * GHOSTS, fields.shape[3] - 2 * GHOSTS
+    tasks, lines = found.shape[0], planes * rows
+    plane = fields.shape[1] * fields.shape[2]
+    for task in numba.prange(tasks):
+        sums = np.zeros((len(components), columns))
+        sums[_LEAST] = np.inf
+        here = rows_at(sums, kinds, 0)
+        for line in range(task * lines // tasks, (task + 1) * lines // tasks):
+            row = (first + line // rows) * fields.shape[2] + line % rows + GHOSTS
+            cells = rows_at(fields, each(row_of, (plane, row), (components,)), GHOSTS)
+            _survey_row(cells, columns, here)
+        for k in range(len(components)):
+            found[task, k] = sums[k].min() if k == _LEAST else sums[k].sum()
 
 
 def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
@@ -64,16 +91,17 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     """
     first = GHOSTS if fields.ndim == 4 else 0
     planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
-    count = planes.shape[1] - 2 * first
-    rows = np.empty((count * (planes.shape[2] - 2 * GHOSTS), 4))
-    with threads_for(rows.shape[0] * (planes.shape[3] - 2 * GHOSTS), _CELLS_PER_THREAD):
-        _survey(planes, first, count, rows)
-    mass, motion, spin = (float(rows[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
+    count, rows = planes.shape[1] - 2 * first, planes.shape[2] - 2 * GHOSTS
+    components = (0, 1, 2, fields.shape[0] - 1)[: min(fields.shape[0], 4)]
+    found = np.zeros((min(count * rows, _TASKS), 4))
+    with threads_for(count * rows * (planes.shape[3] - 2 * GHOSTS), _CELLS_PER_THREAD):
+        _survey(planes, components, tuple(range(len(components))), first, count, found)
+    mass, motion, spin = (float(found[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
+    least = float(found[:, _LEAST].min())
     if not mass > 0.0:
-        return mass, float(rows[:, _LEAST].min()), (0.0, 0.0)
+        return mass, least, (0.0, 0.0)
     # A negative density, which is told by itself, may make the sums negative.
-    speeds = math.sqrt(abs(motion) / mass), math.sqrt(abs(spin) / mass)
-    return mass, float(rows[:, _LEAST].min()), speeds
+    return mass, least, (math.sqrt(abs(motion) / mass), math.sqrt(abs(spin) / mass))
 
 
 @view_kernel

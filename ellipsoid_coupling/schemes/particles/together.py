@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.cells import Sources
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.kernels import for_each, kernel, shares
 from ellipsoid_coupling.schemes.particles import exponential, leapfrog
@@ -78,10 +79,13 @@ class Forces(NamedTuple):
     together : (place, force) -> int, or None
         Adds what they do to each other to the drift (K, D, B) at `place`; overwrites it where `alone`
         is None. Returns how many samples it finds outside the flow. None without interaction.
+    room : KeptArrays
+        Memory for a step's work arrays, kept from call to call.
     """
 
     alone: Alone | None
     together: Callable[[Floats, Floats], int] | None
+    room: KeptArrays
 
 
 class Stepper(Protocol):
@@ -315,8 +319,10 @@ class _Exponential:
     def __init__(self, state: ParticleState, forces: Forces, rates: Rates, limits: Limits) -> None:
         self.state, self.forces, self.rates, self.limits = state, forces, rates, limits
         shape = state.place.shape
-        # One array, since the system hands out large ones in large pages.
-        self.trial = Trial(*np.ones((len(Trial._fields), *shape)))
+        work = forces.room.array("trial", (len(Trial._fields), *shape), np.float64)
+        self.trial = Trial(*work)
+        # Where no wall is, nothing else is written there.
+        self.trial.sign[:] = 1.0
         self.squares = np.empty(shape[:2])
         self.finite = np.ones(shape[0], np.bool_)
         squares = self.squares if forces.together is None else None

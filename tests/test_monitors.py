@@ -88,7 +88,7 @@ def test_energy_that_no_force_gave_is_seen(name: str) -> None:
 def test_an_unstable_leapfrog_is_stopped_early() -> None:
     """Dt Gamma = 4 doubles the speed in two steps: stopped long before it overflows."""
     scene = ec.load_scene("rotation", SMALL | {"flow.drag": 400.0, "times": [100.0]})
-    with pytest.raises(RunError, match=r"t = [01]\.\d+: a root mean square speed"):
+    with pytest.raises(RunError, match=r"t = 0\.\d+: a root mean square speed"):
         ec.simulate(scene, "microscopic", "paper")
 
 

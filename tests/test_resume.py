@@ -41,7 +41,7 @@ SETTINGS: dict[str, Any] = {
     "numerics.angle_cells": 6,
     "numerics.time_step": 0.01,
     "numerics.tolerance": 1e-7,
-    "numerics.cfl": 0.003,
+    "numerics.cfl": 0.002,
     "times": [0.1, 0.6, 0.7],
 }
 
@@ -108,7 +108,7 @@ def test_walls_fluid_and_chosen_steps_resume_too(model: str, tmp_path: Path) -> 
         "particles.number": 50,
         "numerics.cell": 0.05,
         "numerics.tolerance": 1e-8,
-        "numerics.cfl": 0.1,
+        "numerics.cfl": 0.06,
         "times": [0.2, 0.4],
         "interaction.strength": 3.0,
     }

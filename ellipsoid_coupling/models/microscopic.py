@@ -46,7 +46,7 @@ Floats = NDArray[np.float64]
 
 # Without noise a call of `advance` may take any number of steps; this many show progress often
 # enough and cost nothing.
-_STEPS_PER_CALL = 40
+_STEPS_PER_CALL = 16
 
 
 def start_state(setup: Setup) -> ParticleState:

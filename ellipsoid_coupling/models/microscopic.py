@@ -44,9 +44,9 @@ from ellipsoid_coupling.schemes.step_control import (
 
 Floats = NDArray[np.float64]
 
-# Without noise a call of `advance` may take any number of steps; this many show progress often
-# enough and cost nothing.
-_STEPS_PER_CALL = 16
+# Without noise a call of `advance` may take any number of steps. The monitors look after each: pairs
+# push one another within a few steps, and what pushed must be seen; the fluid's pull changes slowly.
+_STEPS_PER_CALL, _FREE_STEPS_PER_CALL = 16, 32
 
 
 def start_state(setup: Setup) -> ParticleState:
@@ -91,7 +91,8 @@ class Microscopic:
     def advance(self, until: float) -> None:
         """Some steps of every realisation; at most as many as a block of noise is for."""
         state = self._state._replace(noise=self._draw_noise(until))
-        steps = _STEPS_PER_CALL if state.noise is None else STEPS_PER_BLOCK
+        alone = _STEPS_PER_CALL if self._drift.pairs is not None else _FREE_STEPS_PER_CALL
+        steps = alone if state.noise is None else STEPS_PER_BLOCK
         rates, limits = self._rates, self._limits
         if self._large is None:
             self._stepper.advance(state, self._drift, rates, limits, until, steps)

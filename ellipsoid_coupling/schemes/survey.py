@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 _CELLS_PER_THREAD, _TASKS = 100_000, 64
 
 # Sums and extremes over particles are kept in so many lanes, which do not wait for one another.
-_LANES = 64
+_LANES = 256
 # Realisations are dealt out in so many parts at most, of so many numbers each: to look at those takes
 # as long as to wake a thread.
 _PARTS, _NUMBERS_PER_PART = 8, 100_000

@@ -47,6 +47,9 @@ Floats = NDArray[np.float64]
 # Without noise a call of `advance` may take any number of steps. The monitors look after each: pairs
 # push one another within a few steps, and what pushed must be seen; the fluid's pull changes slowly.
 _STEPS_PER_CALL, _FREE_STEPS_PER_CALL = 16, 32
+# So many free particles are stepped one realisation at a time, in the second cache, and looked at all
+# together, from memory.
+_MANY, _MANY_STEPS_PER_CALL = 30_000, 48
 
 
 def start_state(setup: Setup) -> ParticleState:
@@ -91,8 +94,7 @@ class Microscopic:
     def advance(self, until: float) -> None:
         """Some steps of every realisation; at most as many as a block of noise is for."""
         state = self._state._replace(noise=self._draw_noise(until))
-        alone = _STEPS_PER_CALL if self._drift.pairs is not None else _FREE_STEPS_PER_CALL
-        steps = alone if state.noise is None else STEPS_PER_BLOCK
+        steps = self._steps_per_call() if state.noise is None else STEPS_PER_BLOCK
         rates, limits = self._rates, self._limits
         if self._large is None:
             self._stepper.advance(state, self._drift, rates, limits, until, steps)
@@ -102,6 +104,13 @@ class Microscopic:
             for k in range(state.place.shape[0]):
                 together.advance(one_of(state, k), forces, rates, limits, until, steps)
         self._check()
+
+    def _steps_per_call(self) -> int:
+        """Without noise."""
+        if self._drift.pairs is not None:
+            return _STEPS_PER_CALL
+        realisations, _, number = self._state.place.shape
+        return _MANY_STEPS_PER_CALL if realisations * number >= _MANY else _FREE_STEPS_PER_CALL
 
     def _draw_noise(self, until: float) -> Floats | None:
         """The next block of noise of every realisation that is not there yet; None without noise."""

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import (
     apart_kernel,
-    for_each,
     inline_kernel,
     kernel,
     parallel_kernel,
-    shares,
     threads_for,
     view_kernel,
 )
@@ -142,6 +140,17 @@ def _survey_some(
                     _add_outside(lanes[4], place[k, d, run], box[d, 0], box[d, 1])
 
 
+@parallel_kernel
+def _survey_shared(
+    place: Floats, velocity: Floats, force: Floats, box: Floats | None, lanes: Floats
+) -> None:
+    """Realisations dealt out among the parts of `lanes` (parts, 5, lanes)."""
+    realisations, parts = velocity.shape[0], lanes.shape[0]
+    for part in numba.prange(parts):
+        some = part * realisations // parts, (part + 1) * realisations // parts
+        _survey_some(place, velocity, force, box, some, lanes[part])
+
+
 @kernel
 def _in_all(lanes: Floats, count: int) -> tuple[float, float, float, float, int]:
     """What `survey_particles` returns, of (parts, 5, lanes)."""
@@ -165,9 +174,13 @@ def survey_particles(
     v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
     """
     realisations, _, number = velocity.shape
-    parts = shares(realisations, min(_PARTS, velocity.size // _NUMBERS_PER_PART))
-    lanes, here = np.zeros((len(parts), 5, _LANES)), (place, velocity, force, box)
-    for_each(len(parts), lambda k: _survey_some(*here, parts[k], lanes[k]))
+    # Not by the number of threads, so that sums always add up in the same order.
+    parts = max(1, min(realisations, _PARTS, velocity.size // _NUMBERS_PER_PART))
+    lanes = np.zeros((parts, 5, _LANES))
+    if parts == 1:
+        _survey_some(place, velocity, force, box, (0, realisations), lanes[0])
+    else:
+        _survey_shared(place, velocity, force, box, lanes)
     return _in_all(lanes, realisations * number)
 
 

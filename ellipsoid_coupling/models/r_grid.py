@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +20,6 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.schemes.boundary import fill_ghosts
 from ellipsoid_coupling.schemes.fluxes import AnyFlux
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
 from ellipsoid_coupling.schemes.grid import (
@@ -29,6 +29,7 @@ from ellipsoid_coupling.schemes.grid import (
     start_angle,
     start_density,
 )
+from ellipsoid_coupling.schemes.planes import Move, sweep_planes, whole_plane
 from ellipsoid_coupling.schemes.sources import (
     ANGLE,
     MOMENTUM_X,
@@ -48,7 +49,6 @@ from ellipsoid_coupling.schemes.step_control import (
     step_log,
 )
 from ellipsoid_coupling.schemes.survey import largest_magnitude, survey_cells
-from ellipsoid_coupling.schemes.sweeps import sweep
 
 Floats = NDArray[np.float64]
 
@@ -113,13 +113,15 @@ class RGridEquation:
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
 
-    def transport(self, flux: AnyFlux, axis: int, dt: float) -> None:
-        """Move all fields along x (axis -1) or y (-2) for dt, boundary conditions included."""
-        normal = MOMENTUM_X if axis == -1 else MOMENTUM_Y
-        fill_ghosts(self.fields, axis + 3, self._setup.terms.reflection, normal)
-        thin = flux._replace(vacuum=self._vacuum)
-        open_edges = None if self._setup.terms.reflection else self._left
-        sweep(thin, self.fields, axis, normal, dt / self.cell, open_edges)
+    def transport(self, flux: AnyFlux, dt: float, x_first: bool) -> None:
+        """Move all fields along x and y, or y and x, for dt, boundary conditions included."""
+        reflecting = self._setup.terms.reflection
+        plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())
+        thin, flat = flux._replace(vacuum=self._vacuum), self.fields.reshape(len(self.fields), -1)
+        move = Move(x_first, dt / self.cell, reflecting)
+        gone = sweep_planes(thin, flat, plane, strips, spans, move)
+        if not reflecting:
+            self._left += gone
 
     def evaluate_drift(self) -> None:
         """F and F_bar of the present fields, interaction and walls included."""

@@ -82,7 +82,9 @@ def fill_ends(cells: Rows, n: int, reflecting: bool) -> None:
 
 
 @apart_kernel
-def _fill_side(edge: Rows, image: Rows, ghost: Rows, inwards: float, mirror: bool, width: int) -> None:
+def _fill_side(
+    edge: Rows, image: Rows, ghost: Rows, inwards: float, mirror: bool, width: int
+) -> None:
     for i in range(whole_vectors(width)):
         if i < width:
             store(ghost, i, _ghost(load(edge, i), load(image, i), inwards, mirror))

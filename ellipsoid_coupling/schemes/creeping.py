@@ -151,8 +151,7 @@ class CreepingEuler(_Creeping):
         """Always accepted: transport uses the velocities that the step was chosen for."""
         del count
         fields, sigma = equation.fields, mobilities(equation.terms)
-        for axis in (-1, -2):
-            equation.transport(self._flux, axis, dt)
+        equation.transport(self._flux, dt, x_first=True)
         equation.evaluate_drift()
         turn_implicitly(fields, equation.drift, equation.terms, sigma[1], dt)
         settle(fields, equation.drift, sigma, 1.0, 0.0)
@@ -179,19 +178,18 @@ class CreepingHeun(_Creeping):
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Refused if the correction is not small. Directions take turns (`count`)."""
         fields, sigma = equation.fields, mobilities(equation.terms)
-        axes = (-1, -2) if count % 2 == 0 else (-2, -1)
-        self._fly(equation, axes, dt)
+        x_first = count % 2 == 0
+        self._fly(equation, dt, x_first)
         equation.evaluate_drift()
         settle(fields, equation.drift, sigma, 0.5, 0.5)
         speed, spin = extremes(fields, None)[:2]
         if not max(speed / equation.cell, spin) * dt <= _LARGEST_CORRECTION:
             return False
-        self._fly(equation, axes[::-1], dt)
+        self._fly(equation, dt, not x_first)
         equation.evaluate_drift()
         settle(fields, equation.drift, sigma, 1.0, 0.0)
         return True
 
-    def _fly(self, equation: SplitEquation, axes: tuple[int, ...], dt: float) -> None:
+    def _fly(self, equation: SplitEquation, dt: float, x_first: bool) -> None:
         turn(equation.fields, dt)
-        for axis in axes:
-            equation.transport(self._flux, axis, dt)
+        equation.transport(self._flux, dt, x_first)

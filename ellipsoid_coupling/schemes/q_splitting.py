@@ -18,6 +18,7 @@ from ellipsoid_coupling.interaction.angle_spectra import Quantity
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
+from ellipsoid_coupling.schemes.planes import Move
 from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
 from ellipsoid_coupling.schemes.q_sources import (
     Limits,
@@ -27,7 +28,7 @@ from ellipsoid_coupling.schemes.q_sources import (
     shorter,
     step_implicitly,
 )
-from ellipsoid_coupling.schemes.q_transport import transport
+from ellipsoid_coupling.schemes.q_transport import transport, transport_in_plane
 
 Floats = NDArray[np.float64]
 
@@ -95,6 +96,16 @@ class QSystem:
         thin = flux._replace(vacuum=self.vacuum)
         here = self.fields, axis, ratio, self.extents, self.reflecting
         self.extents = transport(thin, *here, self.left)
+
+    def transport_all(self, flux: AnyFlux, axes: tuple[int, ...], dt: float) -> None:
+        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it."""
+        move = Move(axes.index(-1) < axes.index(-2), dt / self.grid.plane.cell, self.reflecting)
+        if axes[0] == -3:
+            self.transport(flux, -3, dt)
+        thin = flux._replace(vacuum=self.vacuum)
+        self.extents = transport_in_plane(thin, self.fields, move, self.extents, self.left)
+        if axes[-1] == -3:
+            self.transport(flux, -3, dt)
 
     def forces(self) -> AngleForces | None:
         """Interaction and walls at the present density; None without either."""
@@ -177,9 +188,7 @@ class Godunov(_Forced):
         """Transport, then sources at the new density; never refused."""
         del count
         system = self._system
-        flux = Force(system.pressure)
-        for axis in system.axes:
-            system.transport(flux, axis, dt)
+        system.transport_all(Force(system.pressure), system.axes, dt)
         system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
@@ -202,10 +211,9 @@ class KickDriftKick(_Forced):
         Never refused: the allowed step counts the acceleration in, and flights empty no cell.
         """
         system = self._system
-        flux = Ballistic()
         kick_exactly(system.fields, system.extents, system.terms, self.forces, 0.5 * dt)
-        for axis in system.axes if count % 2 == 0 else system.axes[::-1]:
-            system.transport(flux, axis, dt)
+        axes = system.axes if count % 2 == 0 else system.axes[::-1]
+        system.transport_all(Ballistic(), axes, dt)
         system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel
-from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.schemes.boundary import fill_ghosts
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.planes import Move, Plane, strips_of, sweep_planes
 from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, grown
 from ellipsoid_coupling.schemes.sweeps import Runs, bundle_width, sweep_runs
 
@@ -31,7 +32,7 @@ def transport(
     flux : NamedTuple
         A numerical flux of schemes/fluxes.
     fields : (K, na + 4, ny + 4, nx + 4) float64, contiguous
-        Conserved fields; ghosts are filled here.
+        Conserved fields; ghosts in x and y are filled here, in the angle they are not looked at.
     axis : int
         -1 for x, -2 for y, -3 for the angle, which is periodic.
     ratio : float
@@ -46,25 +47,47 @@ def transport(
     components, *padded = fields.shape
     normal = NORMAL[axis]
     extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
-    if axis == -3:
-        fill_periodic(fields, 1, _held_rows(extents, padded[2]))
-    elif _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
+    if axis != -3 and _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
         fill_ghosts(fields, axis + 4, reflecting, normal)
     row, plane = padded[2], padded[1] * padded[2]
     stride = {-1: 1, -2: row, -3: plane}[axis]
+    ring = (_corner(row, plane), extents.shape[0] * plane) if axis == -3 else (0, 0)
     runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
     if runs.first.size:
         flat = fields.reshape(components, -1)
-        gone = sweep_runs(flux, flat, runs, stride, normal, ratio)
+        gone = sweep_runs(flux, flat, runs, stride, normal, ratio, ring)
         if left is not None and axis != -3 and not reflecting:
             left += gone
     return extents
 
 
-def _held_rows(extents: Extents, row: int) -> tuple[int, int]:
-    """Where the padded rows that hold mass at some angle begin and end in a plane; (0, 0) if none do."""
-    rows = np.flatnonzero((extents[..., 1] > 0).any(axis=0))
-    return ((GHOSTS + rows[0]) * row, (GHOSTS + rows[-1] + 1) * row) if rows.size else (0, 0)
+def transport_in_plane(
+    flux: Flux,
+    fields: Floats,
+    move: Move,
+    extents: Extents,
+    left: Floats | None = None,
+) -> Extents:
+    """`transport` along x and y, one after the other and in one pass; see there and `planes.Move`."""
+    components, *padded = fields.shape
+    columns, rows = padded[2] - 2 * GHOSTS, padded[1] - 2 * GHOSTS
+    row, plane = padded[2], padded[1] * padded[2]
+    first = grown(extents, columns, -1 if move.x_first else -2)
+    second = grown(first, columns, -2 if move.x_first else -1)
+    along_x, along_y = (first, second) if move.x_first else (second, first)
+    runs = bundle_runs(along_y, row, plane, -2, columns)
+    if runs.first.size:
+        planes = Plane(row, plane, columns, rows, _corner(row, plane))
+        flat = fields.reshape(components, -1)
+        gone = sweep_planes(flux, flat, planes, strips_of(runs, row), along_x, move)
+        if left is not None and not move.reflecting:
+            left += gone
+    return second
+
+
+def _corner(row: int, plane: int) -> int:
+    """The first interior cell of flat padded fields."""
+    return GHOSTS * (plane + row + 1)
 
 
 def _reach_edge(extents: Extents, columns: int, axis: int) -> bool:
@@ -99,42 +122,65 @@ def _find_rows(extents: Extents, row: int, plane: int, found: Extents) -> int:
 
 def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
     """Runs along y or the angle of bundles of columns, each as narrow as the mass in it."""
+    columns, lines = row - 2 * GHOSTS, extents.shape[0 if axis == -2 else 1]
+    return bundle_runs(extents, row, plane, axis, bundle_width(columns, lines))
+
+
+def bundle_runs(extents: Extents, row: int, plane: int, axis: int, bundle: int) -> Runs:
+    """The same of bundles of so many columns."""
     lines = extents if axis == -2 else extents.transpose(1, 0, 2)
     outer, along = (plane, row) if axis == -2 else (row, plane)
-    bundle = bundle_width(row - 2 * GHOSTS, lines.shape[0])
     bundles = -(-(row - 2 * GHOSTS) // bundle)
     found = np.empty((3, lines.shape[0] * bundles * (lines.shape[1] // 2 + 1)), np.int64)
-    corner = GHOSTS * (plane + row + 1)
-    # A run that wraps round is two runs: the ghosts between them hold the old values.
-    count = _find_runs(lines, (bundles, bundle), (outer, along, corner), found)
+    strides = outer, along, _corner(row, plane)
+    count = _find_runs(lines, (bundles, bundle), strides, axis == -3, found)
     return Runs(*np.ascontiguousarray(found[:, :count]))
 
 
 @kernel
 def _find_runs(
-    lines: Extents, columns: tuple[int, int], strides: tuple[int, int, int], found: Extents
+    lines: Extents,
+    columns: tuple[int, int],
+    strides: tuple[int, int, int],
+    periodic: bool,
+    found: Extents,
 ) -> int:
     """Fill first, length and width of `found` (3, most); returns how many runs there are.
 
     columns : how many bundles there are, and their width.
     strides : from line to line, along the lines, and where the first cell is.
+    periodic : a run that reaches the end of its line goes on at the beginning.
     """
     bundles, bundle_size = columns
     outer, along, corner = strides
+    rows = lines.shape[1]
     runs = 0
     for line in range(lines.shape[0]):
         for bundle in range(bundles):
             low, high = bundle * bundle_size, (bundle + 1) * bundle_size
+            start = 0
+            # From where nothing is, so that no run is found in two parts; from 0 all round.
+            while periodic and start < rows and _meets(lines[line, start], low, high):
+                start += 1
+            start %= rows
             n, left, right = 0, high, low
-            for k in range(lines.shape[1] + 1):
-                first, end = high, low
-                if k < lines.shape[1]:
-                    first, end = max(lines[line, k, 0], low), min(lines[line, k, 1], high)
-                if first < end:
-                    n, left, right = n + 1, min(left, first), max(right, end)
+            for step in range(rows + 1):
+                k = (start + step) % rows
+                held = step < rows and _meets(lines[line, k], low, high)
+                if held:
+                    left = min(left, max(lines[line, k, 0], low))
+                    right = max(right, min(lines[line, k, 1], high))
+                    n += 1
                 elif n > 0:
-                    found[0, runs] = corner + line * outer + (k - n) * along + left
+                    first = (start + step - n) % rows
+                    found[0, runs] = corner + line * outer + first * along + left
                     found[1, runs], found[2, runs] = n, right - left
                     runs += 1
                     n, left, right = 0, high, low
     return runs
+
+
+@kernel
+def _meets(span: Extents, low: int, high: int) -> bool:
+    """Whether a row holds mass in these columns."""
+    return bool(max(span[0], low) < min(span[1], high))

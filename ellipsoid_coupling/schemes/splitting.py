@@ -41,8 +41,8 @@ class SplitEquation(Protocol):
     drift: Floats
     terms: CellTerms
 
-    def transport(self, flux: Ballistic | Force, axis: int, dt: float) -> None:
-        """Move all fields along one axis (-1: x, -2: y) for dt."""
+    def transport(self, flux: Ballistic | Force, dt: float, x_first: bool) -> None:
+        """Move all fields along x and then y for dt, or along y and then x."""
         ...
 
     def forces(self) -> Forces | None:
@@ -143,8 +143,7 @@ class GodunovSplitting:
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
         del count
-        for axis in (-1, -2):
-            equation.transport(self._flux, axis, dt)
+        equation.transport(self._flux, dt, x_first=True)
         equation.evaluate_drift()
         step_implicitly(equation.fields, equation.drift, equation.terms, dt)
         return True
@@ -185,8 +184,7 @@ class KickDriftKick:
         """
         change = exact_kick(equation.terms, 0.5 * dt)
         kick(equation.fields, equation.drift, change, 0.5 * dt)
-        for axis in (-1, -2) if count % 2 == 0 else (-2, -1):
-            equation.transport(self._flux, axis, dt)
+        equation.transport(self._flux, dt, x_first=count % 2 == 0)
         turn(equation.fields, 0.5 * dt)
         self._kick_anew(equation, change)
         return True

@@ -13,8 +13,7 @@ can hold mass are touched.
 
 from __future__ import annotations
 
-import functools
-import math
+from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numba
@@ -46,10 +45,8 @@ from ellipsoid_coupling.tuples import (
 
 Floats = NDArray[np.float64]
 
-# Columns that march together. The wider, the longer the processor reads ahead in each row, which
-# counts more than a place in the first cache (angles of 150 x 150 cells: 57 M cells/s with 75
-# columns, 131 with 150); narrow where there are few lines, so that threads can share them (an r-grid
-# of 800 x 800: 4.0 ms a sweep with 64 columns, 2.8 with 100).
+# Columns that march together: many, since the processor reads ahead in each row; fewer where there are
+# few lines, so that threads can share them.
 _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
 # Cells between two rows from which on the second one is fetched.
 _FAR = 16
@@ -104,11 +101,11 @@ def _update(flux: Flux, cell: Values, entering: Values, leaving: Values) -> Valu
 
 
 @view_kernel
-def _invert(fields: Floats, first: int, vacuum: float, inverse: Floats) -> None:
-    """1/rho of the cells from `first` on, as many as `inverse` has room for."""
-    density = fields[DENSITY, first : first + inverse.size]
+def _invert(cells: Rows, vacuum: float, inverse: Floats) -> None:
+    """1/rho of as many cells as `inverse` has room for."""
+    density = cells[:1]
     for i in range(inverse.size):
-        inverse[i] = _inverse(density[i], vacuum)
+        inverse[i] = _inverse(load(density, i)[DENSITY], vacuum)
 
 
 @apart_kernel
@@ -144,6 +141,39 @@ def _along(
             store(cells, i, _update(flux, here.below, entering, leaving))
 
 
+class RowScratch(NamedTuple):
+    """Room for one row at a time: 1/rho of its cells, and the mass through its faces."""
+
+    inverses: Floats
+    through: Floats
+
+
+@inline_kernel
+def row_scratch(longest: int) -> RowScratch:
+    """For rows of at most so many cells, ghosts included."""
+    return RowScratch(np.empty(whole_vectors(longest) + GHOSTS), np.empty(whole_vectors(longest)))
+
+
+@view_kernel
+def sweep_row(
+    flux: Flux,
+    cells: Rows,
+    cell: int,
+    width: int,
+    ratio: float,
+    scratch: RowScratch,
+) -> float:
+    """Step `width` neighbours along x; `cells` and `cell` begin two ghosts before them.
+
+    Returns the mass that has left through both ends, less what came in.
+    """
+    whole = whole_vectors(width + 2)
+    inverses, through = scratch.inverses[: whole + 2], scratch.through[:whole]
+    _invert(cells, flux.vacuum, inverses)
+    _along(flux, cells, cell, width, ratio, inverses, through)
+    return float(through[width + 1] - through[1])
+
+
 @parallel_kernel
 def _sweep_rows(
     flux: Flux,
@@ -155,24 +185,21 @@ def _sweep_rows(
     gone: Floats,
 ) -> None:
     starts, counts, _ = runs
-    longest = whole_vectors(counts.max() + 2)
+    longest = counts.max() + 2 * GHOSTS
     for task in numba.prange(tasks):
-        inverses, through = np.empty(longest + 2), np.empty(longest)
+        scratch = row_scratch(longest)
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
             first, width = starts[row] - GHOSTS, counts[row]
             # Where the next row does not follow at once, the processor does not read on by itself.
             if row + 1 < starts.size and starts[row + 1] - starts[row] > width + _FAR:
                 ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
-                _fetch(ahead, counts[row + 1] + 2 * GHOSTS)
-            whole = whole_vectors(width + 2)
-            _invert(fields, first, flux.vacuum, inverses[: whole + 2])
+                fetch_row(ahead, counts[row + 1] + 2 * GHOSTS)
             cells = rows_at(fields, components, first)
-            _along(flux, cells, first, width, ratio, inverses, through[:whole])
-            gone[row] = through[width + 1] - through[1]
+            gone[row] = sweep_row(flux, cells, first, width, ratio, scratch)
 
 
 @view_kernel
-def _fetch(rows: Rows, width: int) -> None:
+def fetch_row(rows: Rows, width: int) -> None:
     """Ask for rows before they are needed: the processor does not guess strides as long as a plane."""
     for i in range(0, width, DOUBLES):
         fetch(rows, i)
@@ -225,9 +252,81 @@ def _across(
 
 
 @apart_kernel
-def _copy(rows: Rows, copies: Rows, width: int) -> None:
+def copy_row(rows: Rows, copies: Rows, width: int) -> None:
+    """Copy `width` cells."""
     for i in range(width):
         store(copies, i, load(rows, i))
+
+
+class March(NamedTuple):
+    """A bundle of columns on its way through the rows: first flat cell, rows, columns, row to row."""
+
+    first: int
+    length: int
+    width: int
+    stride: int
+
+
+@inline_kernel
+def march_room(components: tuple[int, ...], width: int) -> Floats:
+    """What a march over `width` cells of each row needs, (4, K, width), all zero."""
+    return np.zeros((4, len(components), width))
+
+
+@inline_kernel
+def first_row(flux: Flux, components: tuple[int, ...], room: Floats) -> int:
+    """Where a march begins.
+
+    What leaves the row before the first one goes into the first one, unless the flux needs no more
+    than the face between them.
+    """
+    return -1 if len(kept_for(flux, rows_at(room[2], components, 0))) > 0 else 0
+
+
+@view_kernel
+def begin_march(flux: Flux, below: Rows, here: Rows, room: Floats) -> None:
+    """With the two rows that the first step looks at first."""
+    _invert(below, flux.vacuum, room[3, 0])
+    _invert(here, flux.vacuum, room[3, 1])
+
+
+@inline_kernel
+def step_march(
+    flux: Flux,
+    components: tuple[int, ...],
+    rows: tuple[Rows, Rows, Rows],
+    march: March,
+    row: int,
+    ratio: float,
+    room: Floats,
+) -> float:
+    """Step the lowest of three `rows`, of which the middle one is row number `row` of the march.
+
+    Returns the mass that has left through the end that has been passed, less what came in.
+    """
+    below, here, above = rows
+    faces = rows_at(room[1], components, 0)
+    ups = kept_for(flux, rows_at(room[2], components, 0))
+    if row < 1:
+        # Not of this march, and not to be written to.
+        ends = rows_at(room[0], components, 0)
+        copy_row(below, ends, room.shape[2])
+        below = ends
+    cell = march.first + row * march.stride
+    inside = _Room(faces, ups, room[3, 0], room[3, 1])
+    _across(flux, (below, here, above), cell, march.stride, march.width, ratio, inside)
+    if row in (0, march.length):
+        through = float(room[1, DENSITY, : march.width].sum())
+        return through if row == march.length else -through
+    return 0.0
+
+
+@inline_kernel
+def _turned_to(cell: int, base: int, turn: int) -> int:
+    """A cell of a ring, `turn` cells from its `base` to where that comes again; no ring, no turn."""
+    if turn > 0:
+        return cell + turn if cell < base else cell - turn if cell >= base + turn else cell
+    return cell
 
 
 @view_kernel
@@ -235,42 +334,37 @@ def _march(
     flux: Flux,
     fields: Floats,
     components: tuple[int, ...],
-    run: tuple[int, int, int],
-    stride: int,
+    march: March,
+    ring: tuple[int, int],
     ratio: float,
-    room: Floats,
+    rooms: tuple[Floats, Floats],
 ) -> float:
-    """Sweep a bundle of columns; `run` is its first cell's flat index, its length and its width.
+    """Sweep a bundle of columns; returns the mass that has left through both ends, less what came in.
 
-    room : (4, K, whole vectors), all zero.
-    Returns the mass that has left through both ends, less what came in.
+    ring : the cell in the first row of a periodic direction, and the cells all round; 0 for none.
+    rooms : a march's, and two rows, (2, K, whole vectors).
     """
-    first, length, width = run
-    ends, faces = rows_at(room[0], components, 0), rows_at(room[1], components, 0)
-    ups = kept_for(flux, rows_at(room[2], components, 0))
-    before, here = room[3, 0], room[3, 1]
-    # What leaves the row before the first one goes into the first one, unless the flux needs no more
-    # than the face between them.
-    begin = -1 if len(ups) > 0 else 0
-    _invert(fields, first + (begin - 1) * stride, flux.vacuum, before)
-    _invert(fields, first + begin * stride, flux.vacuum, here)
-    gone = 0.0
-    for row in range(begin, length + 1):
-        cell = first + row * stride
-        below = rows_at(fields, components, cell - stride)
-        if row < 1:
-            # Not of this run, and not to be written to.
-            _copy(below, ends, before.size)
-            below = ends
-        rows = (
-            below,
-            rows_at(fields, components, cell),
-            rows_at(fields, components, cell + stride),
-        )
-        _across(flux, rows, cell, stride, width, ratio, _Room(faces, ups, before, here))
-        if row in (0, length):
-            through = room[1, DENSITY, :width].sum()
-            gone += through if row == length else -through
+    room, old = rooms
+    base, turn = ring
+    # Who goes all round comes back to rows that it has changed.
+    closed = turn == march.length * march.stride
+    if closed:
+        for row in range(GHOSTS):
+            cells = rows_at(fields, components, march.first + row * march.stride)
+            copy_row(cells, rows_at(old[row], components, 0), room.shape[2])
+    begin, gone = first_row(flux, components, room), 0.0
+    for row in range(begin, march.length + 1):
+        cell = march.first + row * march.stride
+        below = rows_at(fields, components, _turned_to(cell - march.stride, base, turn))
+        here = rows_at(fields, components, _turned_to(cell, base, turn))
+        above = rows_at(fields, components, _turned_to(cell + march.stride, base, turn))
+        if closed and row == march.length:
+            here, above = rows_at(old[0], components, 0), rows_at(old[1], components, 0)
+        elif closed and row == march.length - 1:
+            above = rows_at(old[0], components, 0)
+        if row == begin:
+            begin_march(flux, below, here, room)
+        gone += step_march(flux, components, (below, here, above), march, row, ratio, room)
     return gone
 
 
@@ -280,20 +374,29 @@ def _sweep_columns(
     fields: Floats,
     components: tuple[int, ...],
     runs: Runs,
-    stride: int,
+    way: tuple[int, int, int],
     ratio: float,
     gone: Floats,
 ) -> None:
+    """See `sweep_runs`; `way` is from row to row, the first row's first cell, and all round or 0."""
     starts, counts, widths = runs
+    stride, corner, turn = way
     for task in numba.prange(starts.size):
-        first = starts[task]
-        # Not beyond the last cell of all, where the march looks at the row above the last one.
-        row = min(
-            whole_vectors(widths[task]), fields.shape[1] - first - (counts[task] + 1) * stride
-        )
-        room = np.zeros((4, len(components), row))
-        run = first, counts[task], widths[task]
-        gone[task] = _march(flux, fields, components, run, stride, ratio, room)
+        first, row = starts[task], whole_vectors(widths[task])
+        if turn == 0:
+            # Not beyond the last cell of all, where the march looks at the row above the last one.
+            row = min(row, fields.shape[1] - first - (counts[task] + 1) * stride)
+        march = March(first, counts[task], widths[task], stride)
+        ring = first - (first - corner) // stride * stride, turn
+        rooms = march_room(components, row), np.empty((GHOSTS, len(components), row))
+        gone[task] = _march(flux, fields, components, march, ring, ratio, rooms)
+
+
+def fair_chunks(tasks: int) -> AbstractContextManager[None]:
+    """So many tasks of different length are dealt out to the threads by a few at a time."""
+    fair = tasks // (4 * numba.get_num_threads())
+    chunks: AbstractContextManager[None] = numba.parallel_chunksize(max(1, min(_CHUNK, fair)))
+    return chunks
 
 
 def sweep_runs(
@@ -303,6 +406,7 @@ def sweep_runs(
     stride: int,
     normal: int,
     ratio: float,
+    ring: tuple[int, int] = (0, 0),
 ) -> float:
     """Transport of all runs in one direction, in place.
 
@@ -320,6 +424,9 @@ def sweep_runs(
         Component of the momentum along it.
     ratio : float
         dt / h.
+    ring : (int, int)
+        Of a periodic direction the first interior cell and the distance all round; runs go on from
+        the last row to the first one, and no ghosts are needed.
 
     Returns
     -------
@@ -329,60 +436,10 @@ def sweep_runs(
     """
     gone = np.empty(runs.first.size)
     components = in_order(fields.shape[0], normal)
-    fair = runs.first.size // (4 * numba.get_num_threads())
-    with numba.parallel_chunksize(max(1, min(_CHUNK, fair))):
+    with fair_chunks(runs.first.size):
         if stride == 1:
             tasks = max(1, min(runs.first.size, 16 * numba.get_num_threads()))
             _sweep_rows(flux, fields, components, runs, ratio, tasks, gone)
         else:
-            _sweep_columns(flux, fields, components, runs, stride, ratio, gone)
+            _sweep_columns(flux, fields, components, runs, (stride, *ring), ratio, gone)
     return float(gone.sum())
-
-
-@functools.cache
-def _all_runs(padded: tuple[int, ...], axis: int) -> tuple[Runs, int]:
-    """The runs along one axis of a padded grid that is filled, and their stride."""
-    index = np.arange(math.prod(padded), dtype=np.int64).reshape(padded)
-    inner = index[(slice(GHOSTS, -GHOSTS),) * len(padded)]
-    # The first cell of every line along the axis; across rows, of every bundle of them.
-    first = np.moveaxis(inner, axis, 0)[0]
-    if axis == -1:
-        first, width = first.ravel(), np.ones(first.size, np.int64)
-    else:
-        bundle = bundle_width(first.shape[-1], first.size // first.shape[-1])
-        offsets = np.arange(0, first.shape[-1], bundle)
-        width = np.broadcast_to(
-            np.minimum(bundle, first.shape[-1] - offsets), (*first.shape[:-1], offsets.size)
-        ).ravel()
-        first = first[..., ::bundle].ravel()
-    runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
-    return runs, math.prod(padded[axis + 1 :]) if axis != -1 else 1
-
-
-def sweep(
-    flux: Flux,
-    fields: Floats,
-    axis: int,
-    normal: int,
-    ratio: float,
-    left: Floats | None = None,
-) -> None:
-    """Transport padded fields along one axis, in place; their ghosts along it are filled.
-
-    Parameters
-    ----------
-    fields : (K, ny + 4, nx + 4) or (K, na + 4, ny + 4, nx + 4) float64, contiguous
-    axis : int
-        -1 for x, -2 for y, -3 for the angle.
-    normal : int
-        Component of the momentum along it.
-    ratio : float
-        dt / h.
-    left : (1,) float64, optional
-        What leaves through the boundary is added, in units of a cell's density.
-    """
-    runs, stride = _all_runs(fields.shape[1:], axis)
-    flat = fields.reshape(fields.shape[0], -1)
-    gone = sweep_runs(flux, flat, runs, stride, normal, ratio)
-    if left is not None:
-        left += gone

@@ -15,7 +15,7 @@ from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force, ballistic, force
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM, Stencil, kept_for, through_face
 from ellipsoid_coupling.schemes.grid import GHOSTS, interior
-from ellipsoid_coupling.schemes.sweeps import sweep
+from tests.schemes.whole import sweep
 
 Floats = NDArray[np.float64]
 FLUXES = {"force": Force(0.0), "force with pressure": Force(1.0), "ballistic": Ballistic()}

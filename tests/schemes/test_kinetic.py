@@ -16,7 +16,7 @@ from ellipsoid_coupling.schemes.fluxes import kinetic
 from ellipsoid_coupling.schemes.fluxes.contract import Stencil
 from ellipsoid_coupling.schemes.fluxes.kinetic import Kinetic, kinetic_outflow
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.sweeps import sweep
+from tests.schemes.whole import sweep
 
 Floats = NDArray[np.float64]
 

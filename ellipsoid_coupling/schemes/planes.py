@@ -1,0 +1,351 @@
+"""One step of transport along x and along y, in place and with one pass over memory for both.
+
+To sweep one direction after the other brings all fields through memory twice. Here a strip of rows is
+swept along x row by row, just ahead of the march along y, or just behind it where y comes first, while
+the rows are in cache:
+
+    x first                                    y first
+    row j + 2   swept along x now              row j       swept along y now
+    row j       swept along y now              row j - 1   its ghosts are filled
+    row j - 1   done                           row j - 2   swept along x now
+
+Where a run of rows is cut into strips, so that all threads have some, a strip looks at two rows beyond
+its ends that another one changes. Copies of these are made before (and swept along x where x comes
+first): what comes out is that of two sweeps, bit for bit.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.registers import DOUBLES
+from ellipsoid_coupling.schemes.boundary import fill_ends, fill_sides
+from ellipsoid_coupling.schemes.fluxes.contract import Flux, in_order
+from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.sweeps import (
+    March,
+    RowScratch,
+    Runs,
+    begin_march,
+    copy_row,
+    fair_chunks,
+    fetch_row,
+    first_row,
+    march_room,
+    row_scratch,
+    step_march,
+    sweep_row,
+)
+from ellipsoid_coupling.tuples import Rows, rows_at, whole_vectors
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Rows that x is ahead of y: what has just been written is not read at once.
+_AHEAD = 3
+# To cut rows into strips no longer than this is not worth it (and a strip at the edge needs the rows
+# that its ghosts mirror); strips for each thread, if there are rows enough.
+_SHORTEST, _STRIPS = 16, 2
+# Rows beside a cut that are copied: as many as ghosts on either side.
+_COPIED = 2 * GHOSTS
+
+
+class Plane(NamedTuple):
+    """Planes of padded fields, in flat cells.
+
+    row, plane : from row to row, from plane to plane; columns, rows : of the interior; corner : the
+    first interior cell.
+    """
+
+    row: int
+    plane: int
+    columns: int
+    rows: int
+    corner: int
+
+
+class Move(NamedTuple):
+    """One step: x or y first, dt / h, and whether the boundary reflects."""
+
+    x_first: bool
+    ratio: float
+    reflecting: bool
+
+
+class Strips(NamedTuple):
+    """What threads share: `Runs` along y of all columns together, cut where they are long.
+
+    first, length, width : (T,) int64, first flat cell, rows, columns.
+    low, high : (T,) int64, number of the cut at the lower and the upper end, -1 where the run ends.
+    above : (cuts,) int64, first flat cell above each cut.
+    """
+
+    first: Indices
+    length: Indices
+    width: Indices
+    low: Indices
+    high: Indices
+    above: Indices
+
+
+def strips_of(runs: Runs, row: int) -> Strips:
+    """Cut runs along y into strips, enough of them for all threads; `row` is from row to row."""
+    fair = -(-int(runs.length.sum()) // (_STRIPS * numba.get_num_threads()))
+    most = max(fair, _SHORTEST)
+    if runs.length.max(initial=0) <= most:
+        none = np.full(runs.first.size, -1)
+        return Strips(*runs, none, none, none[:0])
+    pieces = -(-runs.length // most)
+    run = np.repeat(np.arange(pieces.size), pieces)
+    piece = np.arange(run.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    begin, end = (k * runs.length[run] // pieces[run] for k in (piece, piece + 1))
+    first, inner = runs.first[run] + begin * row, piece > 0
+    low = np.where(inner, np.cumsum(inner) - 1, -1)
+    return Strips(first, end - begin, runs.width[run], low, np.append(low[1:], -1), first[inner])
+
+
+@functools.cache
+def whole_plane(padded: tuple[int, int], threads: int) -> tuple[Plane, Strips, Indices]:
+    """A padded r-grid (ny + 4, nx + 4) that is filled, for so many threads; see `sweep_planes`."""
+    del threads
+    rows, columns = (n - 2 * GHOSTS for n in padded)
+    corner = GHOSTS * (padded[1] + 1)
+    plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
+    runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
+    return plane, strips_of(runs, padded[1]), np.array([[[0, columns]] * rows])
+
+
+@inline_kernel
+def _line_of(plane: Plane, cell: int) -> tuple[int, int]:
+    """The plane and the row of a flat cell."""
+    line, lines = (cell - plane.corner) // plane.row, plane.plane // plane.row
+    return line // lines, line % lines
+
+
+@inline_kernel
+def _start_of(plane: Plane, cell: int) -> int:
+    """The first ghost of a cell's row."""
+    return plane.corner - GHOSTS + (cell - plane.corner) // plane.row * plane.row
+
+
+@view_kernel
+def _fill_row(cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> None:
+    """Fill the ghosts of one row, if so much of it moves that its sweep looks there."""
+    if span[1] > 0 and (span[0] < GHOSTS or span[1] > plane.columns - GHOSTS):
+        fill_ends(cells, plane.columns, reflecting)
+
+
+@view_kernel
+def _copy_row(
+    flux: Flux,
+    fields: Floats,
+    components: tuple[int, ...],
+    plane: Plane,
+    cell: int,
+    spans: Indices,
+    move: Move,
+    scratch: RowScratch,
+    copy: Floats,
+) -> None:
+    """Copy the row of `cell`, K components; where x comes first, sweep the copy along it."""
+    start = _start_of(plane, cell)
+    copy_row(rows_at(fields, components, start), rows_at(copy, components, 0), plane.row)
+    if move.x_first:
+        a, j = _line_of(plane, cell)
+        first, end = spans[a, j]
+        _fill_row(rows_at(copy, components, 0), plane, spans[a, j], move.reflecting)
+        if end > 0:
+            cells = rows_at(copy, components, first)
+            sweep_row(flux, cells, start + first, end - first, move.ratio, scratch)
+
+
+@view_kernel
+def _sweep_x(
+    flux: Flux,
+    fields: Floats,
+    components: tuple[int, ...],
+    start: int,
+    span: Indices,
+    ratio: float,
+    scratch: RowScratch,
+) -> float:
+    """Sweep the `span` of the row that begins at flat cell `start`; returns the mass that has left."""
+    first, width = start + span[0], span[1] - span[0]
+    if width <= 0:
+        return 0.0
+    return sweep_row(flux, rows_at(fields, components, first), first, width, ratio, scratch)
+
+
+@inline_kernel
+def _row_of(
+    fields: Floats,
+    copies: Floats,
+    components: tuple[int, ...],
+    march: March,
+    cuts: tuple[int, int],
+    column: int,
+    row: int,
+) -> Rows:
+    """Row number `row` of a strip; beyond a cut, its copy, of which `column` is the same cell."""
+    rows = rows_at(fields, components, march.first + row * march.stride)
+    if row < 0 and cuts[0] >= 0:
+        rows = rows_at(copies[cuts[0], row + GHOSTS], components, column)
+    if row >= march.length and cuts[1] >= 0:
+        rows = rows_at(copies[cuts[1], row - march.length + GHOSTS], components, column)
+    return rows
+
+
+@inline_kernel
+def _fetch_half(
+    fields: Floats, components: tuple[int, ...], march: March, row: int, half: int
+) -> None:
+    """Ask for one half of a row to come, if the strip has it.
+
+    A row at once is more than the processor can wait for; unasked, it does not read on while it works
+    on rows that are there.
+    """
+    part = march.width // 2
+    if row < march.length:
+        cells = march.first + row * march.stride + half * part
+        fetch_row(rows_at(fields, components, cells), part)
+
+
+@view_kernel
+def _sweep_strip(
+    flux: Flux,
+    fields: Floats,
+    copies: Floats,
+    components: tuple[tuple[int, ...], tuple[int, ...]],
+    plane: Plane,
+    march: March,
+    cuts: tuple[int, int],
+    spans: Indices,
+    move: Move,
+    scratch: RowScratch,
+    room: Floats,
+    gone: Floats,
+) -> None:
+    """Sweep one strip along both directions; `components` in the order of x, and in that of y."""
+    x, y = components
+    length, reflecting = march.length, move.reflecting
+    a, j = _line_of(plane, march.first)
+    start = _start_of(plane, march.first)
+    column = march.first - start
+    # All rows of the plane, whose ghosts lie beyond the first and the last one.
+    rows = march.first - j * plane.row, march.width, plane.row
+    at_low = j < GHOSTS and cuts[0] < 0
+    at_high = j + length > plane.rows - GHOSTS and cuts[1] < 0
+    if move.x_first:
+        # All at once: each by itself would wait for its row to come from memory.
+        for row in range(length):
+            cells = rows_at(fields, x, start + row * plane.row)
+            _fill_row(cells, plane, spans[a, j + row], reflecting)
+    else:
+        fill_sides(fields, y, rows, plane.rows, (at_low, at_high), reflecting)
+    begin, done = first_row(flux, y, room), 0
+    coming = _AHEAD + 1 if move.x_first else 2
+    for row in range(begin, length + 1):
+        _fetch_half(fields, x, march, row + coming, 0)
+        while move.x_first and done < min(row + _AHEAD, length):
+            here = start + done * plane.row
+            span = spans[a, j + done]
+            gone[a, j + done] = _sweep_x(flux, fields, x, here, span, move.ratio, scratch)
+            done += 1
+            ends = at_low and done == min(GHOSTS, length), at_high and done == length
+            fill_sides(fields, y, rows, plane.rows, ends, reflecting)
+        if move.x_first:
+            _fetch_half(fields, x, march, row + coming, 1)
+        three = (
+            _row_of(fields, copies, y, march, cuts, column, row - 1),
+            _row_of(fields, copies, y, march, cuts, column, row),
+            _row_of(fields, copies, y, march, cuts, column, row + 1),
+        )
+        if row == begin:
+            begin_march(flux, three[0], three[1], room)
+        through = step_march(flux, y, three, march, row, move.ratio, room)
+        if row == 0 and cuts[0] < 0:
+            gone[a, plane.rows] += through
+        if row == length and cuts[1] < 0:
+            gone[a, plane.rows + 1] += through
+        if not move.x_first and row > 0:
+            _fetch_half(fields, x, march, row + coming, 1)
+            cells = rows_at(fields, x, start + (row - 1) * plane.row)
+            _fill_row(cells, plane, spans[a, j + row - 1], reflecting)
+            while done < (row - 1 if row < length else length):
+                here = start + done * plane.row
+                span = spans[a, j + done]
+                gone[a, j + done] = _sweep_x(flux, fields, x, here, span, move.ratio, scratch)
+                done += 1
+
+
+@parallel_kernel
+def _sweep_planes(
+    flux: Flux,
+    fields: Floats,
+    components: tuple[tuple[int, ...], tuple[int, ...]],
+    plane: Plane,
+    strips: Strips,
+    spans: Indices,
+    move: Move,
+    gone: Floats,
+) -> None:
+    # Loops that threads share take no tuples of tuples, nor of arrays.
+    x, y = components
+    firsts, lengths, widths, lows, highs, above = strips
+    longest = whole_vectors(plane.row) + DOUBLES
+    copies = np.empty((above.size, _COPIED, len(x), longest))
+    for task in numba.prange(above.size * _COPIED):
+        k, row = task // _COPIED, task % _COPIED
+        here = fields, x, plane, above[k] + (row - GHOSTS) * plane.row, spans, move
+        _copy_row(flux, *here, row_scratch(plane.row), copies[k, row])
+    for task in numba.prange(firsts.size):
+        march = March(firsts[task], lengths[task], widths[task], plane.row)
+        # Not beyond the last cell of all, where the march looks at the row above the last one.
+        left = fields.shape[1] - march.first - (march.length + 1) * plane.row
+        room = march_room(y, min(whole_vectors(march.width), left))
+        whole = flux, fields, copies, (x, y), plane
+        strip = march, (lows[task], highs[task]), spans, move
+        _sweep_strip(*whole, *strip, row_scratch(plane.row), room, gone)
+
+
+def sweep_planes(
+    flux: Flux,
+    fields: Floats,
+    plane: Plane,
+    strips: Strips,
+    spans: Indices,
+    move: Move,
+) -> float:
+    """Transport along x and y, in place, ghosts included; as sweeps along one and the other would.
+
+    Parameters
+    ----------
+    flux : NamedTuple
+        Chooses the numerical flux.
+    fields : (K, cells) float64
+        Padded fields, flat: density, momenta along x and y, and whatever else is carried.
+    plane : Plane
+    strips : Strips
+        Of all columns where mass is before or after the march along y. No run may be a neighbour of
+        another along y.
+    spans : (planes, rows, 2) int64
+        First column and end of what moves along x in each row; the end is 0 where nothing does.
+    move : Move
+
+    Returns
+    -------
+    float
+        The mass that has left through the boundary, less what came in, in units of a cell's density.
+    """
+    # A number for each row and for both ends of each plane: their sum does not depend on the strips.
+    gone = np.zeros((spans.shape[0], plane.rows + 2))
+    components = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
+    with fair_chunks(strips.first.size):
+        _sweep_planes(flux, fields, components, plane, strips, spans, move, gone)
+    return float(gone.sum())

@@ -135,6 +135,12 @@ def threads_for(work: int, least: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
+def one_by_one() -> AbstractContextManager[None]:
+    """Inside, threads take one task after another: mass is in some of them, and all shall have a share."""
+    chunks: AbstractContextManager[None] = numba.parallel_chunksize(1)
+    return chunks
+
+
 def shares(count: int, most: int) -> list[tuple[int, int]]:
     """The ranges (first, end) that `count` things are dealt out in: `most` of them, none empty.
 

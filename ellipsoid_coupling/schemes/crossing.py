@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, one_by_one, parallel_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.tuples import Rows, load, rows_at, whole_vectors
@@ -70,7 +70,7 @@ def _largest_density(fields: Floats, skipped: int, extents: Indices) -> float:
     peaks = np.zeros(tasks)
     for task in numba.prange(tasks):
         peak = np.zeros(fields.shape[3])
-        for line in range(task, lines, tasks):
+        for line in range(task * lines // tasks, (task + 1) * lines // tasks):
             a, j = line // rows, line % rows
             width = extents[a, j, 1] - extents[a, j, 0]
             if width > 0:
@@ -98,8 +98,8 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
     jumps = np.zeros(tasks)
     for task in numba.prange(tasks):
         peaks = np.zeros(fields.shape[3])
-        # Every so manyth line: mass is in some of the planes, and all threads shall have a share.
-        for line in range(task, lines, tasks):
+        # One after another: the row above is the next one, and is then still in cache.
+        for line in range(task * lines // tasks, (task + 1) * lines // tasks):
             a, j = line // rows, line % rows
             width = extents[a, j, 1] - extents[a, j, 0]
             if width > 0:
@@ -133,8 +133,9 @@ def largest_compression(fields: Floats, cell: float, extents: Indices | None = N
         ny, nx = (n - 2 * GHOSTS for n in planes.shape[2:])
         count = planes.shape[1] - 2 * skipped
         extents = np.broadcast_to(np.array([0, nx]), (count, ny, 2)).copy()
-    least = NEGLIGIBLE * _largest_density(planes, skipped, extents)
-    return _largest_jump(planes, skipped, extents, least) / cell if least > 0.0 else 0.0
+    with one_by_one():
+        least = NEGLIGIBLE * _largest_density(planes, skipped, extents)
+        return _largest_jump(planes, skipped, extents, least) / cell if least > 0.0 else 0.0
 
 
 class CrossingDetector:

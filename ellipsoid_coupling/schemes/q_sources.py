@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, one_by_one, parallel_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.schemes.drive import (
     CellTerms,
@@ -214,8 +214,7 @@ def _relax(
         rates = _Rates(decays, gains, damping, distances)
         found = np.zeros((len(decays), fields.shape[3]))
         peaks = rows_at(found, parts[:-1], 0)
-        # Every so manyth line: mass is in some of the angles, and all threads shall have a share.
-        for line in range(task, lines, tasks):
+        for line in range(task * lines // tasks, (task + 1) * lines // tasks):
             a, j = line // rows, line % rows
             first = extents[a, j, 0]
             width = extents[a, j, 1] - first
@@ -243,20 +242,21 @@ def _relaxed(
     if limits is not None:
         distances[: limits.distances.size] = limits.distances
     fastest = np.zeros((min(extents.shape[0] * extents.shape[1], _TASKS), momenta))
-    _relax(
-        fields,
-        extents,
-        terms,
-        forces or NoForces(),
-        _distinct_angles(forces),
-        tuple(range(fields.shape[0])),
-        (change.decay, change.decay, change.spin_decay)[:momenta],
-        (change.gain, change.gain, change.spin_gain)[:momenta],
-        (terms.damping, terms.damping, terms.angular_damping)[:momenta],
-        tuple(distances.tolist()),
-        None if limits is None else (limits.sound, limits.damped),
-        fastest,
-    )
+    with one_by_one():
+        _relax(
+            fields,
+            extents,
+            terms,
+            forces or NoForces(),
+            _distinct_angles(forces),
+            tuple(range(fields.shape[0])),
+            (change.decay, change.decay, change.spin_decay)[:momenta],
+            (change.gain, change.gain, change.spin_gain)[:momenta],
+            (terms.damping, terms.damping, terms.angular_damping)[:momenta],
+            tuple(distances.tolist()),
+            None if limits is None else (limits.sound, limits.damped),
+            fastest,
+        )
     if limits is None:
         return math.inf, math.inf
     pairs = zip(limits.distances, fastest.max(axis=0), strict=False)

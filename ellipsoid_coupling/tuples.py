@@ -102,6 +102,27 @@ def row_of(rows: int, row: int, component: int) -> int:
     return component * rows + row
 
 
+# Cache lines that the processor waits for at once.
+_LINES = 40
+
+
+@inline_kernel
+def piece_of(rows: int) -> int:
+    """So many cells of each of these rows may be asked for at once.
+
+    A loop over long rows goes piece by piece, and asks for the same piece of the next rows before it
+    works on one: the processor reads ahead too little by itself, and waits when asked for too much.
+    """
+    return max(1, _LINES // rows) * DOUBLES
+
+
+@inline_kernel
+def fetch_piece(rows: Rows, width: int) -> None:
+    """Ask for so many cells of each row."""
+    for i in range(0, width, DOUBLES):
+        fetch(rows, i)
+
+
 def _rows_of_nothing(array: None, which: tuple[int, ...], first: int) -> Rows:  # noqa: ARG001
     return ()
 

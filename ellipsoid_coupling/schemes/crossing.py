@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, one_by_one, parallel_kernel
 from ellipsoid_coupling.schemes.fluxes.contract import DENSITY
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.tuples import Rows, load, rows_at, whole_vectors
+from ellipsoid_coupling.tuples import Rows, fetch_piece, load, piece_of, rows_at, whole_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -94,7 +94,7 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
     lines = extents.shape[0] * rows
     tasks = min(lines, _TASKS)
     # Rows of a component, all its planes one after another.
-    plane = fields.shape[1] * fields.shape[2]
+    plane, piece = fields.shape[1] * fields.shape[2], piece_of(3)
     jumps = np.zeros(tasks)
     for task in numba.prange(tasks):
         peaks = np.zeros(fields.shape[3])
@@ -104,12 +104,18 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
             width = extents[a, j, 1] - extents[a, j, 0]
             if width > 0:
                 row = (a + skipped) * fields.shape[2] + j + GHOSTS
-                first = extents[a, j, 0] + GHOSTS
-                cells = rows_at(fields, (row, row + plane, row + 2 * plane), first)
+                end = extents[a, j, 1] + GHOSTS
                 # The last row is its own neighbour: no jump.
                 up = row + 1 if j + 1 < rows else row
-                above = rows_at(fields, (up, up + plane, up + 2 * plane), first)
-                _raise_to_jumps(cells, above, width, least, peaks)
+                for first in range(end - width, end, piece):
+                    coming = row + 2
+                    fetch_piece(
+                        rows_at(fields, (coming, coming + plane, coming + 2 * plane), first), piece
+                    )
+                    cells = rows_at(fields, (row, row + plane, row + 2 * plane), first)
+                    above = rows_at(fields, (up, up + plane, up + 2 * plane), first)
+                    # One more than the piece, for the jump to the next one.
+                    _raise_to_jumps(cells, above, min(piece + 1, end - first), least, peaks)
         jumps[task] = peaks.max()
     return float(jumps.max())
 

@@ -35,14 +35,13 @@ from ellipsoid_coupling.schemes.sweeps import (
     begin_march,
     copy_row,
     fair_chunks,
-    fetch_row,
     first_row,
     march_room,
     row_scratch,
     step_march,
     sweep_row,
 )
-from ellipsoid_coupling.tuples import Rows, rows_at, whole_vectors
+from ellipsoid_coupling.tuples import Rows, fetch_piece, rows_at, whole_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -213,7 +212,7 @@ def _fetch_half(
     part = march.width // 2
     if row < march.length:
         cells = march.first + row * march.stride + half * part
-        fetch_row(rows_at(fields, components, cells), part)
+        fetch_piece(rows_at(fields, components, cells), part)
 
 
 @view_kernel

@@ -37,7 +37,9 @@ from ellipsoid_coupling.tuples import (
     Rows,
     Values,
     each,
+    fetch_piece,
     load,
+    piece_of,
     row_of,
     rows_at,
     store,
@@ -219,12 +221,17 @@ def _relax(
             first = extents[a, j, 0]
             width = extents[a, j, 1] - first
             if width > 0:
-                drive = drive_at(terms, forces, (j, rows, first), a % distinct * rows + j)
                 row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
                 held = each(row_of, (fields.shape[1] * fields.shape[2], row), (parts,))
-                cells = rows_at(fields, held, first + GHOSTS)
+                following = each(row_of, (1, 1), (held,))
                 held_angle = _held_angle(terms, a, angles)
-                _relax_row(cells, drive, held_angle, rates, limits, width, peaks)
+                piece = piece_of(len(parts))
+                for start in range(first, first + width, piece):
+                    fetch_piece(rows_at(fields, following, start + GHOSTS), piece)
+                    drive = drive_at(terms, forces, (j, rows, start), a % distinct * rows + j)
+                    cells = rows_at(fields, held, start + GHOSTS)
+                    left = min(piece, first + width - start)
+                    _relax_row(cells, drive, held_angle, rates, limits, left, peaks)
         for d in range(found.shape[0]):
             fastest[task, d] = found[d].max()
 

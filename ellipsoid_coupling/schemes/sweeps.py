@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel, view_kernel
-from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
@@ -36,7 +35,7 @@ from ellipsoid_coupling.tuples import (
     Values,
     each,
     element,
-    fetch,
+    fetch_piece,
     load,
     rows_at,
     store,
@@ -193,16 +192,9 @@ def _sweep_rows(
             # Where the next row does not follow at once, the processor does not read on by itself.
             if row + 1 < starts.size and starts[row + 1] - starts[row] > width + _FAR:
                 ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
-                fetch_row(ahead, counts[row + 1] + 2 * GHOSTS)
+                fetch_piece(ahead, counts[row + 1] + 2 * GHOSTS)
             cells = rows_at(fields, components, first)
             gone[row] = sweep_row(flux, cells, first, width, ratio, scratch)
-
-
-@view_kernel
-def fetch_row(rows: Rows, width: int) -> None:
-    """Ask for rows before they are needed: the processor does not guess strides as long as a plane."""
-    for i in range(0, width, DOUBLES):
-        fetch(rows, i)
 
 
 class _Room(NamedTuple):

@@ -71,6 +71,11 @@ def element(array: NDArray[Any], i: int) -> Any:
     return array.reshape(-1)[i]
 
 
+def onwards(rows: Rows, i: int) -> Rows:
+    """The rows from element i on."""
+    return tuple(row[i:] for row in rows)
+
+
 def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Values, ...]) -> Any:
     """formula(*shared, a, b, ..) for the elements a, b, .. of tuples of the same length.
 
@@ -195,6 +200,16 @@ def _fetch(context: Any, rows: Any, i: Any) -> Any:
     return types.none(rows, i), generate
 
 
+def _onwards(context: Any, rows: Any, i: Any) -> Any:
+    del context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        places = _places(builder, arguments[0], rows.count, arguments[1])
+        return context.make_tuple(builder, signature.return_type, places)
+
+    return rows(rows, i), generate
+
+
 def _element(context: Any, array: Any, i: Any) -> Any:
     del context
     _check_contiguous(array)
@@ -259,6 +274,7 @@ _compiled_rows_at: Any = intrinsic(_rows_at)
 _compiled_load: Any = intrinsic(_load)
 _compiled_store: Any = intrinsic(_store)
 _compiled_fetch: Any = intrinsic(_fetch)
+_compiled_onwards: Any = intrinsic(_onwards)
 _compiled_element: Any = intrinsic(_element)
 _compiled_each: Any = intrinsic(_each)
 
@@ -293,6 +309,12 @@ def _choose_store(rows: Any, i: Any, values: Any) -> Any:
 def _choose_fetch(rows: Any, i: Any) -> Any:
     del rows, i
     return lambda rows, i: _compiled_fetch(rows, i)
+
+
+@overload(onwards, inline="always", strict=False)
+def _choose_onwards(rows: Any, i: Any) -> Any:
+    del rows, i
+    return lambda rows, i: _compiled_onwards(rows, i)
 
 
 @overload(element, inline="always", strict=False)

@@ -16,7 +16,9 @@ from ellipsoid_coupling.tuples import (
     each,
     element,
     fetch,
+    fetch_piece,
     load,
+    onwards,
     rows_at,
     store,
     total,
@@ -37,7 +39,8 @@ def _both(factor: float, a: float, b: float) -> tuple[float, float]:
 
 
 def _row(array: Floats, which: tuple[int, ...], first: int, width: int) -> None:
-    rows = rows_at(array, which, first)
+    rows = onwards(rows_at(array, which, first - 1), 1)
+    fetch_piece(rows, 1000)
     for i in range(width):
         values = load(rows, i)
         fetch(rows, i + 1000)
@@ -58,7 +61,7 @@ def test_kernels_do_what_the_plain_twins_do(which: tuple[int, ...]) -> None:
 
 
 def _plain_row(array: Floats, which: tuple[int, ...], first: int, width: int) -> None:
-    rows = rows_at(array, which, first)
+    rows = onwards(rows_at(array, which, first - 1), 1)
     for i in range(width):
         values = load(rows, i)
         fetch(rows, i)

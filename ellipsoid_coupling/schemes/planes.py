@@ -267,7 +267,8 @@ def _sweep_strip(
         )
         if row == begin:
             begin_march(flux, three[0], three[1], room)
-        through = step_march(flux, y, three, march, row, move.ratio, room)
+        cell = march.first + row * plane.row
+        through = step_march(flux, y, three, cell, march, row, move.ratio, room, three[2], False)
         if row == 0 and cuts[0] < 0:
             gone[a, plane.rows] += through
         if row == length and cuts[1] < 0:

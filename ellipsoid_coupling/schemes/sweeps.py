@@ -37,6 +37,8 @@ from ellipsoid_coupling.tuples import (
     element,
     fetch_piece,
     load,
+    onwards,
+    piece_of,
     rows_at,
     store,
     whole_vectors,
@@ -287,13 +289,18 @@ def step_march(
     flux: Flux,
     components: tuple[int, ...],
     rows: tuple[Rows, Rows, Rows],
+    cell: int,
     march: March,
     row: int,
     ratio: float,
     room: Floats,
+    coming: Rows,
+    asked: bool,
 ) -> float:
     """Step the lowest of three `rows`, of which the middle one is row number `row` of the march.
 
+    cell : flat index of the middle one.
+    coming : a row to ask for piece by piece on the way, if ``asked``.
     Returns the mass that has left through the end that has been passed, less what came in.
     """
     below, here, above = rows
@@ -304,9 +311,18 @@ def step_march(
         ends = rows_at(room[0], components, 0)
         copy_row(below, ends, room.shape[2])
         below = ends
-    cell = march.first + row * march.stride
-    inside = _Room(faces, ups, room[3, 0], room[3, 1])
-    _across(flux, (below, here, above), cell, march.stride, march.width, ratio, inside)
+    if asked:
+        size, piece = room.shape[2], piece_of(len(components))
+        for first in range(0, size, piece):
+            fetch_piece(onwards(coming, first), piece)
+            part = slice(first, min(first + piece, size))
+            three = onwards(below, first), onwards(here, first), onwards(above, first)
+            kept = onwards(faces, first), onwards(ups, first), room[3, 0, part], room[3, 1, part]
+            left = march.width - first
+            _across(flux, three, cell + first, march.stride, left, ratio, _Room(*kept))
+    else:
+        kept = _Room(faces, ups, room[3, 0], room[3, 1])
+        _across(flux, (below, here, above), cell, march.stride, march.width, ratio, kept)
     if row in (0, march.length):
         through = float(room[1, DENSITY, : march.width].sum())
         return through if row == march.length else -through
@@ -347,8 +363,9 @@ def _march(
     begin, gone = first_row(flux, components, room), 0.0
     for row in range(begin, march.length + 1):
         cell = march.first + row * march.stride
+        middle = _turned_to(cell, base, turn)
         below = rows_at(fields, components, _turned_to(cell - march.stride, base, turn))
-        here = rows_at(fields, components, _turned_to(cell, base, turn))
+        here = rows_at(fields, components, middle)
         above = rows_at(fields, components, _turned_to(cell + march.stride, base, turn))
         if closed and row == march.length:
             here, above = rows_at(old[0], components, 0), rows_at(old[1], components, 0)
@@ -356,7 +373,12 @@ def _march(
             above = rows_at(old[0], components, 0)
         if row == begin:
             begin_march(flux, below, here, room)
-        gone += step_march(flux, components, (below, here, above), march, row, ratio, room)
+        # A plane further the processor does not read on by itself. A flux that both sides of a face
+        # have a part in keeps it busy for so long that asking is no gain.
+        coming = rows_at(fields, components, _turned_to(cell + 2 * march.stride, base, turn))
+        asked = turn > 0 and begin == 0
+        rows = below, here, above
+        gone += step_march(flux, components, rows, middle, march, row, ratio, room, coming, asked)
     return gone
 
 

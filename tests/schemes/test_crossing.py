@@ -50,6 +50,20 @@ def test_compression_of_a_linear_velocity_is_its_slope(axis: int) -> None:
     assert largest_compression(stacked, H, extents) == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("axis", [-1, -2])
+def test_the_largest_jump_is_found_wherever_it_is(axis: int) -> None:
+    """One jump of 5 among others up to 1, at the ends of rows and of the pieces they are gone through."""
+    rng = np.random.default_rng(1)
+    density, speed = 1.0 + rng.random((5, 230)), 0.5 * rng.random((2, 5, 230))
+    for column in (0, 103, 104, 207, 208, 228):
+        v = speed.copy()
+        here, beside = (2, column), (2, column + 1) if axis == -1 else (3, column)
+        v[-1 - axis][here], v[-1 - axis][beside] = 5.0, 0.0
+        fields = np.zeros((3, 9, 234))
+        interior(fields)[0], interior(fields)[1:] = density, density * v
+        assert largest_compression(fields, H) == pytest.approx(5.0 / H, rel=1e-12)
+
+
 def test_expansion_and_vacuum_are_no_compression() -> None:
     fields = collapsing(0.0, -1)
     fields[1] *= -1.0

@@ -127,6 +127,20 @@ def test_transport_in_the_window_is_the_whole_sweep(
 
 
 @FLUXES
+def test_long_rows_go_round_piece_by_piece(flux: Any) -> None:
+    """As a sweep with ghosts does them at once: bit for bit, rows of three pieces and a rest."""
+    rng = np.random.default_rng(6)
+    fields = np.zeros((4, 9, 6, 255))
+    inside(fields)[Q] = rng.random((5, 2, 251))
+    inside(fields)[1:] = inside(fields)[Q] * rng.uniform(-1.0, 1.0, (3, 5, 2, 251))
+    whole = fields.copy()
+    fill_periodic(whole, 1)
+    sweep(flux, whole, -3, 3, 0.4)
+    transport(flux, fields, -3, 0.4, occupied_extents(fields), False)
+    np.testing.assert_array_equal(inside(fields), inside(whole))
+
+
+@FLUXES
 def test_the_angle_is_swept_like_x(flux: Any) -> None:
     """Axes and momenta exchanged, both as rings: the same numbers to rounding."""
     rng = np.random.default_rng(5)

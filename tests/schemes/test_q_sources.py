@@ -19,7 +19,8 @@ from ellipsoid_coupling.schemes.work import STEEPEST, set_ahead, set_work
 
 Floats = NDArray[np.float64]
 
-ANGLES, ROWS, COLUMNS = 6, 5, 11
+# Rows as long as several pieces, see `tuples.piece_of`.
+ANGLES, ROWS, COLUMNS = 6, 5, 211
 GRID = ANGLES, ROWS, COLUMNS
 
 

@@ -28,13 +28,16 @@ _PLACES = (
     (-6, -19, "right"),
     (0, 17, "center"),
     (0, -23, "center"),
+    (-16, 4, "right"),
+    (-16, -9, "right"),
+    (16, 4, "left"),
+    (16, -9, "left"),
 )
-
 
 Point = tuple[float, float, str]
 
-# Boxes that stand for each piece of a line.
-_BOXES_PER_PIECE = 24
+# Half the size of the boxes that stand for a marker and for a line, in points.
+_MARKER, _LINE = 3.5, 1.0
 
 
 def place_labels(
@@ -70,10 +73,11 @@ def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> Floats:
     `pixels` are those of a point.
     """
     places = axes.transData.transform([point[:2] for point in line])
-    steps = np.arange((len(line) - 1) * _BOXES_PER_PIECE + 1) / _BOXES_PER_PIECE
-    index = np.arange(len(line))
-    along = np.stack([np.interp(steps, index, places[:, axis]) for axis in (0, 1)], axis=-1)
-    parts = ((places, 3.5 * pixels), (along, 1.0 * pixels))
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+    # Side by side, so that no text fits in between.
+    steps = np.linspace(0.0, way[-1], 1 + int(way[-1] / (2.0 * _LINE * pixels)))
+    along = np.stack([np.interp(steps, way, places[:, axis]) for axis in (0, 1)], axis=-1)
+    parts = ((places, _MARKER * pixels), (along, _LINE * pixels))
     return np.concatenate([np.hstack([centres - half, centres + half]) for centres, half in parts])
 
 

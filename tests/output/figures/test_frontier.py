@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation
@@ -14,6 +15,8 @@ from matplotlib.transforms import Bbox
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.output.figures import PartBars, draw_frontier, draw_parts
+from ellipsoid_coupling.output.figures.annotations import place_labels
+from ellipsoid_coupling.output.figures.canvas import new_figure
 from ellipsoid_coupling.output.figures.frontier import frontier_figure, frontier_lines
 from ellipsoid_coupling.output.figures.parts import parts_figure
 
@@ -91,3 +94,16 @@ def test_parts_are_bars_beside_each_other(tmp_path: Path) -> None:
     assert draw_parts(groups, tmp_path / "parts.png").stat().st_size > 1000
     with pytest.raises(InputError, match="error parts"):
         draw_parts([], tmp_path / "parts.png")
+
+
+@pytest.mark.parametrize("height", np.linspace(1.0, 9.0, 13))
+def test_no_line_runs_through_a_label(height: float) -> None:
+    """However long and steep, beside a point whose label has room on its other side."""
+    axes = new_figure(5.0, 4.0).subplots()
+    axes.set(xlim=(0.0, 10.0), ylim=(0.0, 10.0))
+    steep = [(5.0, 0.5, ""), (5.1, 9.5, "")]
+    place_labels(axes, [[(4.0, height, "1000 x 16, tol 0.018")]], others=[steep])
+    box = axes.texts[0].get_window_extent()
+    for y in np.linspace(0.5, 9.5, 500):
+        place = axes.transData.transform((np.interp(y, (0.5, 9.5), (5.0, 5.1)), y))
+        assert not box.contains(*place)

@@ -135,6 +135,17 @@ def threads_for(work: int, least: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
+# Tasks that a thread takes at a time, at the most, where they are many and differ in length.
+_CHUNK = 16
+
+
+def few_by_few(tasks: int) -> AbstractContextManager[None]:
+    """Inside, threads take some of so many tasks after others, the fewer the fewer there are."""
+    fair = tasks // (4 * numba.get_num_threads())
+    chunks: AbstractContextManager[None] = numba.parallel_chunksize(max(1, min(_CHUNK, fair)))
+    return chunks
+
+
 def one_by_one() -> AbstractContextManager[None]:
     """Inside, threads take one task after another: mass is in some of them, and all shall have a share."""
     chunks: AbstractContextManager[None] = numba.parallel_chunksize(1)

@@ -107,6 +107,12 @@ def row_of(rows: int, row: int, component: int) -> int:
     return component * rows + row
 
 
+@inline_kernel
+def next_row(row: int) -> int:
+    """The row after it."""
+    return row + 1
+
+
 # Cache lines that the processor waits for at once.
 _LINES = 40
 

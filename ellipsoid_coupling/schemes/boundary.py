@@ -143,21 +143,16 @@ def _fill_all_sides(
         fill_sides(flat, components, row, n, (True, True), reflecting)
 
 
-def fill_periodic(fields: Floats, axis: int, part: tuple[int, int] | None = None) -> None:
-    """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place.
-
-    part : (first, end), optional
-        Of the numbers of a layer, which follow one another: the others stay as they are.
-    """
+def fill_periodic(fields: Floats, axis: int) -> None:
+    """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place."""
     before, n, after = fields.shape[:axis], fields.shape[axis], fields.shape[axis + 1 :]
     shape = math.prod(before), n, math.prod(after)
-    first, end = (0, shape[2]) if part is None else part
-    with threads_for(shape[0] * (end - first), _CELLS_PER_THREAD):
-        _wrap(np.reshape(fields, shape, copy=False), first, end)
+    with threads_for(shape[0] * shape[2], _CELLS_PER_THREAD):
+        _wrap(np.reshape(fields, shape, copy=False))
 
 
 @parallel_kernel
-def _wrap(fields: Floats, first: int, end: int) -> None:
+def _wrap(fields: Floats) -> None:
     """`fill_periodic` along the second axis of three."""
     last = fields.shape[1] - 2 * GHOSTS
     layers = 2 * GHOSTS
@@ -165,6 +160,6 @@ def _wrap(fields: Floats, first: int, end: int) -> None:
         line, layer = task // layers, task % layers
         ghost = layer if layer < GHOSTS else last + layer
         image = ghost + last if layer < GHOSTS else ghost - last
-        to, source = fields[line, ghost, first:end], fields[line, image, first:end]
+        to, source = fields[line, ghost], fields[line, image]
         for i in range(to.size):
             to[i] = source[i]

@@ -108,6 +108,7 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
                 # The last row is its own neighbour: no jump.
                 up = row + 1 if j + 1 < rows else row
                 for first in range(end - width, end, piece):
+                    # The row above has been asked for with the one before.
                     coming = row + 2
                     fetch_piece(
                         rows_at(fields, (coming, coming + plane, coming + 2 * plane), first), piece

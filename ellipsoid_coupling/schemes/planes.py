@@ -23,7 +23,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import few_by_few, inline_kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.schemes.fluxes.contract import Flux, in_order
@@ -34,7 +34,6 @@ from ellipsoid_coupling.schemes.sweeps import (
     Runs,
     begin_march,
     copy_row,
-    fair_chunks,
     first_row,
     march_room,
     row_scratch,
@@ -46,7 +45,8 @@ from ellipsoid_coupling.tuples import Rows, fetch_piece, rows_at, whole_vectors
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Rows that x is ahead of y: what has just been written is not read at once.
+# Rows that x is ahead of y. The march begins with two rows below the first one, which at the edge are
+# ghosts that need the first two rows; and what has just been written is not read at once.
 _AHEAD = 3
 # To cut rows into strips no longer than this is not worth it (and a strip at the edge needs the rows
 # that its ghosts mirror); strips for each thread, if there are rows enough.
@@ -58,12 +58,12 @@ _COPIED = 2 * GHOSTS
 class Plane(NamedTuple):
     """Planes of padded fields, in flat cells.
 
-    row, plane : from row to row, from plane to plane; columns, rows : of the interior; corner : the
-    first interior cell.
+    row, next_plane : from row to row, from plane to plane; columns, rows : of the interior; corner :
+    the first interior cell.
     """
 
     row: int
-    plane: int
+    next_plane: int
     columns: int
     rows: int
     corner: int
@@ -93,9 +93,9 @@ class Strips(NamedTuple):
     above: Indices
 
 
-def strips_of(runs: Runs, row: int) -> Strips:
+def strips_of(runs: Runs, row: int, threads: int) -> Strips:
     """Cut runs along y into strips, enough of them for all threads; `row` is from row to row."""
-    fair = -(-int(runs.length.sum()) // (_STRIPS * numba.get_num_threads()))
+    fair = -(-int(runs.length.sum()) // (_STRIPS * threads))
     most = max(fair, _SHORTEST)
     if runs.length.max(initial=0) <= most:
         none = np.full(runs.first.size, -1)
@@ -112,18 +112,17 @@ def strips_of(runs: Runs, row: int) -> Strips:
 @functools.cache
 def whole_plane(padded: tuple[int, int], threads: int) -> tuple[Plane, Strips, Indices]:
     """A padded r-grid (ny + 4, nx + 4) that is filled, for so many threads; see `sweep_planes`."""
-    del threads
     rows, columns = (n - 2 * GHOSTS for n in padded)
     corner = GHOSTS * (padded[1] + 1)
     plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
     runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
-    return plane, strips_of(runs, padded[1]), np.array([[[0, columns]] * rows])
+    return plane, strips_of(runs, padded[1], threads), np.array([[[0, columns]] * rows])
 
 
 @inline_kernel
 def _line_of(plane: Plane, cell: int) -> tuple[int, int]:
     """The plane and the row of a flat cell."""
-    line, lines = (cell - plane.corner) // plane.row, plane.plane // plane.row
+    line, lines = (cell - plane.corner) // plane.row, plane.next_plane // plane.row
     return line // lines, line % lines
 
 
@@ -141,7 +140,7 @@ def _fill_row(cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> Non
 
 
 @view_kernel
-def _copy_row(
+def _copy_beside_cut(
     flux: Flux,
     fields: Floats,
     components: tuple[int, ...],
@@ -182,7 +181,7 @@ def _sweep_x(
 
 
 @inline_kernel
-def _row_of(
+def _strip_row(
     fields: Floats,
     copies: Floats,
     components: tuple[int, ...],
@@ -236,8 +235,8 @@ def _sweep_strip(
     a, j = _line_of(plane, march.first)
     start = _start_of(plane, march.first)
     column = march.first - start
-    # All rows of the plane, whose ghosts lie beyond the first and the last one.
-    rows = march.first - j * plane.row, march.width, plane.row
+    # The lowest row of the plane, its width, and the way to the next one: ghosts lie beyond both ends.
+    lowest = march.first - j * plane.row, march.width, plane.row
     at_low = j < GHOSTS and cuts[0] < 0
     at_high = j + length > plane.rows - GHOSTS and cuts[1] < 0
     if move.x_first:
@@ -246,8 +245,9 @@ def _sweep_strip(
             cells = rows_at(fields, x, start + row * plane.row)
             _fill_row(cells, plane, spans[a, j + row], reflecting)
     else:
-        fill_sides(fields, y, rows, plane.rows, (at_low, at_high), reflecting)
+        fill_sides(fields, y, lowest, plane.rows, (at_low, at_high), reflecting)
     begin, done = first_row(flux, y, room), 0
+    # Of the rows that nothing has looked at yet, the one that x or y comes to in the next turn.
     coming = _AHEAD + 1 if move.x_first else 2
     for row in range(begin, length + 1):
         _fetch_half(fields, x, march, row + coming, 0)
@@ -257,22 +257,23 @@ def _sweep_strip(
             gone[a, j + done] = _sweep_x(flux, fields, x, here, span, move.ratio, scratch)
             done += 1
             ends = at_low and done == min(GHOSTS, length), at_high and done == length
-            fill_sides(fields, y, rows, plane.rows, ends, reflecting)
+            fill_sides(fields, y, lowest, plane.rows, ends, reflecting)
         if move.x_first:
             _fetch_half(fields, x, march, row + coming, 1)
         three = (
-            _row_of(fields, copies, y, march, cuts, column, row - 1),
-            _row_of(fields, copies, y, march, cuts, column, row),
-            _row_of(fields, copies, y, march, cuts, column, row + 1),
+            _strip_row(fields, copies, y, march, cuts, column, row - 1),
+            _strip_row(fields, copies, y, march, cuts, column, row),
+            _strip_row(fields, copies, y, march, cuts, column, row + 1),
         )
         if row == begin:
             begin_march(flux, three[0], three[1], room)
         cell = march.first + row * plane.row
         through = step_march(flux, y, three, cell, march, row, move.ratio, room, three[2], False)
-        if row == 0 and cuts[0] < 0:
-            gone[a, plane.rows] += through
-        if row == length and cuts[1] < 0:
-            gone[a, plane.rows + 1] += through
+        # Runs that end elsewhere end in vacuum.
+        if row == 0 and j == 0:
+            gone[a, plane.rows] = through
+        if row == length and j + length == plane.rows:
+            gone[a, plane.rows + 1] = through
         if not move.x_first and row > 0:
             _fetch_half(fields, x, march, row + coming, 1)
             cells = rows_at(fields, x, start + (row - 1) * plane.row)
@@ -303,7 +304,7 @@ def _sweep_planes(
     for task in numba.prange(above.size * _COPIED):
         k, row = task // _COPIED, task % _COPIED
         here = fields, x, plane, above[k] + (row - GHOSTS) * plane.row, spans, move
-        _copy_row(flux, *here, row_scratch(plane.row), copies[k, row])
+        _copy_beside_cut(flux, *here, row_scratch(plane.row), copies[k, row])
     for task in numba.prange(firsts.size):
         march = March(firsts[task], lengths[task], widths[task], plane.row)
         # Not beyond the last cell of all, where the march looks at the row above the last one.
@@ -346,6 +347,6 @@ def sweep_planes(
     # A number for each row and for both ends of each plane: their sum does not depend on the strips.
     gone = np.zeros((spans.shape[0], plane.rows + 2))
     components = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
-    with fair_chunks(strips.first.size):
+    with few_by_few(strips.first.size):
         _sweep_planes(flux, fields, components, plane, strips, spans, move, gone)
     return float(gone.sum())

@@ -39,6 +39,7 @@ from ellipsoid_coupling.tuples import (
     each,
     fetch_piece,
     load,
+    next_row,
     piece_of,
     row_of,
     rows_at,
@@ -223,7 +224,7 @@ def _relax(
             if width > 0:
                 row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
                 held = each(row_of, (fields.shape[1] * fields.shape[2], row), (parts,))
-                following = each(row_of, (1, 1), (held,))
+                following = each(next_row, (), (held,))
                 held_angle = _held_angle(terms, a, angles)
                 piece = piece_of(len(parts))
                 for start in range(first, first + width, piece):

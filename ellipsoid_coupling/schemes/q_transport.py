@@ -1,7 +1,8 @@
-"""Transport of the q-equations' fields in one direction, confined to the rows' parts that hold mass."""
+"""Transport of the q-equations' fields, confined to the rows' parts that hold mass."""
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,7 +80,8 @@ def transport_in_plane(
     if runs.first.size:
         planes = Plane(row, plane, columns, rows, _corner(row, plane))
         flat = fields.reshape(components, -1)
-        gone = sweep_planes(flux, flat, planes, strips_of(runs, row), along_x, move)
+        strips = strips_of(runs, row, numba.get_num_threads())
+        gone = sweep_planes(flux, flat, planes, strips, along_x, move)
         if left is not None and not move.reflecting:
             left += gone
     return second
@@ -127,7 +129,7 @@ def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
 
 
 def bundle_runs(extents: Extents, row: int, plane: int, axis: int, bundle: int) -> Runs:
-    """The same of bundles of so many columns."""
+    """Runs along y or the angle of bundles of `bundle` columns each; see `column_runs`."""
     lines = extents if axis == -2 else extents.transpose(1, 0, 2)
     outer, along = (plane, row) if axis == -2 else (row, plane)
     bundles = -(-(row - 2 * GHOSTS) // bundle)

@@ -13,14 +13,19 @@ can hold mass are touched.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import (
+    apart_kernel,
+    few_by_few,
+    inline_kernel,
+    parallel_kernel,
+    view_kernel,
+)
 from ellipsoid_coupling.schemes.fluxes.contract import (
     DENSITY,
     Flux,
@@ -51,8 +56,6 @@ Floats = NDArray[np.float64]
 _WIDE, _NARROW, _MANY_LINES = 320, 100, 16
 # Cells between two rows from which on the second one is fetched.
 _FAR = 16
-# Runs that a thread takes at a time, at the most: they differ in length.
-_CHUNK = 16
 
 
 def bundle_width(columns: int, lines: int) -> int:
@@ -406,13 +409,6 @@ def _sweep_columns(
         gone[task] = _march(flux, fields, components, march, ring, ratio, rooms)
 
 
-def fair_chunks(tasks: int) -> AbstractContextManager[None]:
-    """So many tasks of different length are dealt out to the threads by a few at a time."""
-    fair = tasks // (4 * numba.get_num_threads())
-    chunks: AbstractContextManager[None] = numba.parallel_chunksize(max(1, min(_CHUNK, fair)))
-    return chunks
-
-
 def sweep_runs(
     flux: Flux,
     fields: Floats,
@@ -440,7 +436,8 @@ def sweep_runs(
         dt / h.
     ring : (int, int)
         Of a periodic direction the first interior cell and the distance all round; runs go on from
-        the last row to the first one, and no ghosts are needed.
+        the last row to the first one, and no ghosts of the fields are needed (those of arrays that
+        belong to the flux are).
 
     Returns
     -------
@@ -450,7 +447,7 @@ def sweep_runs(
     """
     gone = np.empty(runs.first.size)
     components = in_order(fields.shape[0], normal)
-    with fair_chunks(runs.first.size):
+    with few_by_few(runs.first.size):
         if stride == 1:
             tasks = max(1, min(runs.first.size, 16 * numba.get_num_threads()))
             _sweep_rows(flux, fields, components, runs, ratio, tasks, gone)

@@ -109,6 +109,21 @@ def test_where_mass_is(flux: Any, x_first: bool, reflecting: bool, part: float) 
     assert (left[0] == 0.0) == (reflecting or twins_left[0] == 0.0)
 
 
+def test_two_clouds_in_a_plane() -> None:
+    """What leaves is told by the one that it leaves: the other one, swept elsewhere, adds nothing."""
+    fields = np.zeros((4, 5, 24, 10))
+    inner = inside(fields)
+    inner[0, 0, :3], inner[0, 0, -8:-4] = 1.0, 2.0
+    inner[2, 0, :3] = -0.5
+    for x_first in (True, False):
+        moved, left = fields.copy(), np.zeros(1)
+        extents = occupied_extents(moved)
+        transport_in_plane(Ballistic(), moved, Move(x_first, 0.4, False), extents, left)
+        # A fifth of each of six cells at the lower edge.
+        assert left[0] == pytest.approx(6 * 0.2, rel=1e-13)
+        assert inside(moved)[0].sum() == pytest.approx(inner[0].sum() - left[0], rel=1e-13)
+
+
 def test_no_mass_goes_nowhere() -> None:
     fields = np.zeros((4, 10, 9, 12))
     extents = occupied_extents(fields)
@@ -123,7 +138,7 @@ def test_strips_follow_one_another() -> None:
     runs = Runs(
         np.array([42, 1000, 3001]), np.array([100, 1, 37]), np.array([16, 3, 5], dtype=np.int64)
     )
-    strips = strips_of(runs, row)
+    strips = strips_of(runs, row, 2)
     rows = np.concatenate([f + row * np.arange(n) for f, n in zip(*strips[:2], strict=True)])
     expected = [f + row * np.arange(n) for f, n in zip(*runs[:2], strict=True)]
     np.testing.assert_array_equal(rows, np.concatenate(expected))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.kinetic import Kinetic
 from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.q_grid import (
     NORMAL,
@@ -138,6 +139,30 @@ def test_long_rows_go_round_piece_by_piece(flux: Any) -> None:
     sweep(flux, whole, -3, 3, 0.4)
     transport(flux, fields, -3, 0.4, occupied_extents(fields), False)
     np.testing.assert_array_equal(inside(fields), inside(whole))
+
+
+@pytest.mark.parametrize("flux", [Ballistic(), Force(1.0), Kinetic(np.zeros(0))])
+@pytest.mark.parametrize("angles", [3, 4, 5, 6])
+def test_short_rings(flux: Any, angles: int) -> None:
+    """Without a look at the angle's ghosts: bit for bit, all planes with mass, some, or all but one."""
+    rng = np.random.default_rng(angles)
+    whole = list(range(angles))
+    for held in (whole, whole[1:], whole[:-1], whole[:1], [0, angles - 1]):
+        fields = np.zeros((4, angles + 4, 6, 9))
+        inside(fields)[Q, held] = rng.random((len(held), 2, 5))
+        inside(fields)[1:] = inside(fields)[Q] * rng.uniform(-1.0, 1.0, (3, angles, 2, 5))
+        here = flux
+        if isinstance(flux, Kinetic):
+            tilt = np.zeros(fields.shape[1:])
+            tilt[2:-2] = rng.uniform(0.9, 1.1, (angles, 6, 9))
+            fill_periodic(tilt[None], 1)
+            here = Kinetic(tilt.ravel())
+        twin = fields.copy()
+        fill_periodic(twin, 1)
+        sweep(here, twin, -3, 3, 0.3)
+        fields[:, :2] = fields[:, -2:] = np.nan
+        transport(here, fields, -3, 0.3, occupied_extents(fields), False)
+        np.testing.assert_array_equal(inside(fields), inside(twin))
 
 
 @FLUXES

@@ -38,7 +38,7 @@ def in_order(count: int, normal: int) -> tuple[int, ...]:
 
 
 class Flux(Protocol):
-    """A NamedTuple of a flux's parameters: numbers, or arrays that belong to the cells."""
+    """A NamedTuple of a flux's parameters: numbers, or arrays that belong to the cells, ghosts included."""
 
     @property
     def vacuum(self) -> float:

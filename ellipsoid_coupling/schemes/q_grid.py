@@ -133,14 +133,14 @@ def occupied_extents(fields: Floats, within: Extents | None = None) -> Extents:
     """
     _, na, ny, nx = inside(fields).shape
     whole = np.broadcast_to(np.array([0, nx]), (na, ny, 2))
-    extents = np.array(whole if within is None else within)
+    extents = np.array(whole if within is None else within, order="C")
     _find_extents(fields, extents)
     return extents
 
 
 def grown(extents: Extents, columns: int, axis: int) -> Extents:
     """One more cell at both ends along an axis; the angle is periodic, x (`columns` cells) and y end."""
-    wider = np.empty_like(extents)
+    wider = np.empty(extents.shape, np.int64)
     _grow(extents, columns, axis, wider)
     return wider
 

@@ -25,12 +25,12 @@ BOUNDARIES = pytest.mark.parametrize("reflecting", [True, False])
 
 
 def some_fields(shape: tuple[int, ...], seed: int, part: float = 0.7) -> Floats:
-    """A `part` of all cells holds mass, |v| <= 1, and whatever else is carried; padded."""
-    rng = np.random.default_rng(seed)
-    fields = np.zeros((5, *(n + 4 for n in shape)))
+    """A `part` of all cells holds mass, |v| <= 1, and as much else as in the models; padded."""
+    rng, carried = np.random.default_rng(seed), 4 if len(shape) == 2 else 3
+    fields = np.zeros((1 + carried, *(n + 4 for n in shape)))
     inner = fields[(slice(None), *[slice(2, -2)] * len(shape))]
     inner[0] = rng.random(shape) * (rng.random(shape) < part)
-    inner[1:] = inner[0] * rng.uniform(-1.0, 1.0, (4, *shape))
+    inner[1:] = inner[0] * rng.uniform(-1.0, 1.0, (carried, *shape))
     return fields
 
 

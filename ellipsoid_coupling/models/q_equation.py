@@ -63,7 +63,7 @@ _STEPPERS: dict[tuple[str, SchemeName], type[QStepper]] = {
     ("maxwellian", "accurate"): BalancedHeun,
 }
 
-_STEPS_PER_CALL = 12
+_STEPS_PER_CALL = 16
 
 
 class QEquation:

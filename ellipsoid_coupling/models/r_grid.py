@@ -54,7 +54,7 @@ Floats = NDArray[np.float64]
 
 # A call of `advance` takes so many steps, or more where a step takes less than the look of the
 # monitors that follows.
-_STEPS_PER_CALL, _MOST_STEPS_PER_CALL = 20, 24
+_STEPS_PER_CALL, _MOST_STEPS_PER_CALL = 24, 32
 _CELLS_PER_CALL = 16_000
 # A sweep over so many cells takes some 0.1 ms: sharing less costs more than it gains.
 _CELLS_PER_THREAD = 5000

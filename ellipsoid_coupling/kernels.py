@@ -141,7 +141,7 @@ _CHUNK = 16
 
 def few_by_few(tasks: int) -> AbstractContextManager[None]:
     """Inside, threads take some of so many tasks after others, the fewer the fewer there are."""
-    fair = tasks // (4 * numba.get_num_threads())
+    fair = tasks // (16 * numba.get_num_threads())
     chunks: AbstractContextManager[None] = numba.parallel_chunksize(max(1, min(_CHUNK, fair)))
     return chunks
 

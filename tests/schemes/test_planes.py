@@ -25,12 +25,12 @@ BOUNDARIES = pytest.mark.parametrize("reflecting", [True, False])
 
 
 def some_fields(shape: tuple[int, ...], seed: int, part: float = 0.7) -> Floats:
-    """A `part` of all cells holds mass, |v| <= 1, and as much else as in the models; padded."""
-    rng, carried = np.random.default_rng(seed), 4 if len(shape) == 2 else 3
-    fields = np.zeros((1 + carried, *(n + 4 for n in shape)))
+    """A `part` of all cells holds mass, |v| <= 1, and a carried quantity; padded."""
+    rng = np.random.default_rng(seed)
+    fields = np.zeros((4, *(n + 4 for n in shape)))
     inner = fields[(slice(None), *[slice(2, -2)] * len(shape))]
     inner[0] = rng.random(shape) * (rng.random(shape) < part)
-    inner[1:] = inner[0] * rng.uniform(-1.0, 1.0, (carried, *shape))
+    inner[1:] = inner[0] * rng.uniform(-1.0, 1.0, (3, *shape))
     return fields
 
 
@@ -61,7 +61,7 @@ def test_a_whole_plane(flux: Any, x_first: bool, reflecting: bool, shape: tuple[
         try:
             whole = whole_plane((shape[0] + 4, shape[1] + 4), threads)
             move = Move(x_first, 0.4, reflecting)
-            gone.append(sweep_planes(flux, fields.reshape(5, -1), *whole, move))
+            gone.append(sweep_planes(flux, fields.reshape(4, -1), *whole, move))
         finally:
             numba.set_num_threads(before)
         np.testing.assert_array_equal(fields[:, 2:-2, 2:-2], expected)
@@ -86,7 +86,7 @@ def test_many_short_strips(
     assert strips.above.size >= 7
     fields = start.copy()
     move = Move(x_first, 0.4, reflecting)
-    sweep_planes(Ballistic(), fields.reshape(5, -1), plane, strips, spans, move)
+    sweep_planes(Ballistic(), fields.reshape(4, -1), plane, strips, spans, move)
     np.testing.assert_array_equal(fields[:, 2:-2, 2:-2], expected)
 
 
@@ -160,10 +160,10 @@ def test_walls_are_swept_like_mirrors(axis: int) -> None:
     image[NORMAL[axis]] *= -1.0
     doubled = np.concatenate([image, inner], axis=axis)
     for x_first in (True, False):
-        single, double = start.copy(), np.zeros((5, *(n + 4 for n in doubled.shape[1:])))
+        single, double = start.copy(), np.zeros((4, *(n + 4 for n in doubled.shape[1:])))
         double[:, 2:-2, 2:-2] = doubled
         for fields in (single, double):
             whole = whole_plane(fields.shape[1:], numba.get_num_threads())
-            sweep_planes(Ballistic(), fields.reshape(5, -1), *whole, Move(x_first, 0.4, True))
+            sweep_planes(Ballistic(), fields.reshape(4, -1), *whole, Move(x_first, 0.4, True))
         half = np.split(double[:, 2:-2, 2:-2], 2, axis=axis)[1]
         np.testing.assert_allclose(single[:, 2:-2, 2:-2], half, atol=1e-15)

@@ -33,6 +33,9 @@ _PLACES = (
     (16, 4, "left"),
     (16, -9, "left"),
 )
+# A text of which more than this part is covered wherever it stands is left out: a line through it is
+# more than that.
+_MOST_COVERED = 0.03
 
 Point = tuple[float, float, str]
 
@@ -44,6 +47,8 @@ def place_labels(
     axes: Axes, lines: Sequence[Sequence[Point]], others: Sequence[Sequence[Point]] = ()
 ) -> None:
     """Write each point's text beside it, where it overlaps least with texts, lines and the frame.
+
+    A text without a place that is clear is left out.
 
     Parameters
     ----------
@@ -64,7 +69,11 @@ def place_labels(
         )
         # Labels are laid out last and must not push the axes that they were measured in.
         note.set_in_layout(False)
-        taken = np.concatenate([taken, _best_place(note, taken, axes.bbox)])
+        box, covered = _best_place(note, taken, axes.bbox)
+        if covered > _MOST_COVERED:
+            note.remove()
+        else:
+            taken = np.concatenate([taken, box])
 
 
 def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> Floats:
@@ -81,8 +90,11 @@ def _line_boxes(axes: Axes, line: Sequence[Point], pixels: float) -> Floats:
     return np.concatenate([np.hstack([centres - half, centres + half]) for centres, half in parts])
 
 
-def _best_place(note: Annotation, taken: Floats, frame: Bbox) -> Floats:
-    """Move the note to the first place with the least overlap; the extents (1, 4) that it takes there."""
+def _best_place(note: Annotation, taken: Floats, frame: Bbox) -> tuple[Floats, float]:
+    """Move the note to the first place with the least overlap.
+
+    Returns the extents (1, 4) that it takes there, and the part of it that is covered or outside.
+    """
     inside = np.array([frame.extents])
     trials = []
     for order, (right, up, side) in enumerate(_PLACES):
@@ -90,10 +102,10 @@ def _best_place(note: Annotation, taken: Floats, frame: Bbox) -> Floats:
         box = note.get_window_extent()
         outside = box.width * box.height - _overlap(box, inside)
         trials.append((_overlap(box, taken) + outside, order, box))
-    _, order, box = min(trials, key=lambda trial: trial[:2])
+    overlap, order, box = min(trials, key=lambda trial: trial[:2])
     right, up, side = _PLACES[order]
     note.set(position=(right, up), horizontalalignment=side)
-    return np.array([box.extents])
+    return np.array([box.extents]), overlap / (box.width * box.height)
 
 
 def _overlap(box: Bbox, others: Floats) -> float:

@@ -22,6 +22,7 @@ ORDER = [
     "instructions",
     "registers",
     "kernels",
+    "sharing",
     "tuples",
     "scenes",
     "physics",

@@ -27,6 +27,7 @@ from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.sample_choice import choose_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
+from ellipsoid_coupling.kernels import for_each
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
     particle_health,
@@ -43,7 +44,7 @@ from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces, over_blocks
+from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -159,11 +160,10 @@ class McKeanVlasov:
         noise = np.empty((realisations, STEPS_PER_BLOCK, components, number))
         block, seed = int(self._blocks[0]), self._setup.seed
 
-        def draw(first: int, end: int) -> None:
-            for k in range(first, end):
-                noise[k] = gaussian_block(seed, k, block, components, number)
+        def draw(k: int) -> None:
+            noise[k] = gaussian_block(seed, k, block, components, number)
 
-        over_blocks(self._state.place, draw)
+        for_each(realisations, draw)
         self._blocks += 1
         return noise
 

@@ -11,7 +11,7 @@ gives its bits.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.pairs import Pairs
-from ellipsoid_coupling.kernels import for_each, kernel, shares
+from ellipsoid_coupling.kernels import for_each, kernel, one_by_one, parallel_kernel
 from ellipsoid_coupling.schemes.particles import exponential, leapfrog
 from ellipsoid_coupling.schemes.particles.exponential import (
     Trial,
@@ -50,14 +50,10 @@ from ellipsoid_coupling.schemes.step_control import (
     equal_steps,
     reject,
 )
+from ellipsoid_coupling.sharing import shared
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-# Blocks are handed to the threads in this many tasks at most, each of so many samples at least: fewer
-# take no longer than handing them out does. Steps in a drift that is known take less than drifts do.
-_TASKS = 32
-_LEAST_DRIFTS, _LEAST_STEPS = 4000, 16_000
 
 
 class Alone(NamedTuple):
@@ -115,18 +111,6 @@ class Together(NamedTuple):
     noise_per_step: int
 
 
-def over_blocks(
-    place: Floats, task: Callable[[int, int], None], least: int = _LEAST_DRIFTS
-) -> None:
-    """Run task(first, end) on parts of the range of blocks of `place`, which together are all of it.
-
-    Parts hold `least` samples at least.
-    """
-    blocks, _, size = place.shape
-    parts = shares(blocks, min(_TASKS, max(1, blocks * size // least)))
-    for_each(len(parts), lambda k: task(*parts[k]))
-
-
 @kernel
 def _set_alone(alone: Alone | None, place: Floats, force: Floats) -> int:
     """Overwrite the drift (D, B) of one block; returns how many samples lie outside the flow."""
@@ -150,35 +134,83 @@ def _add_ghosts(ghosts: Sources | None, pairs: Pairs, place: Floats, force: Floa
 
 
 @kernel
-def _set_blocks(
-    alone: Alone | None, place: Floats, force: Floats, outside: Indices, blocks: tuple[int, int]
-) -> None:
-    for k in range(blocks[0], blocks[1]):
-        outside[k] = _set_alone(alone, place[k], force[k])
+def _set_block(k: int, alone: Alone | None, place: Floats, force: Floats, outside: Indices) -> None:
+    outside[k] = _set_alone(alone, place[k], force[k])
 
 
 def set_forces(forces: Forces, place: Floats, force: Floats) -> int:
     """Set the drift (K, D, B) at `place`; returns how many samples lie outside the flow."""
     outside = np.zeros(place.shape[0], np.int64)
-    if forces.alone is not None:
-        over_blocks(place, lambda a, b: _set_blocks(forces.alone, place, force, outside, (a, b)))
-    shared = 0 if forces.together is None else forces.together(place, force)
-    return int(outside.sum()) + shared
+    for_each(len(place), lambda k: _set_block(k, forces.alone, place, force, outside))
+    return int(outside.sum()) + _add_together(forces, place, force)
+
+
+def _add_together(forces: Forces, place: Floats, force: Floats) -> int:
+    return 0 if forces.together is None else forces.together(place, force)
 
 
 @kernel
-def _move(
+def _leap(
+    k: int,
     state: ParticleState,
-    blocks: tuple[int, int],
     step: int,
     rates: Rates,
     limits: Limits,
     dt: float,
-    finite: NDArray[np.bool_],
+    alone: Alone | None,
+    found: tuple[Indices, NDArray[np.bool_]],
+    parts: tuple[bool, bool],
 ) -> None:
-    for k in range(blocks[0], blocks[1]):
+    """The drift of each sample by itself, and a leapfrog step in the whole drift; `parts` of this.
+
+    found : (K,) each, samples outside the flow, and whether all is finite after the step.
+    """
+    sets, moves = parts
+    outside, finite = found
+    if sets:
+        outside[k] = _set_alone(alone, state.place[k], state.force[k])
+    if moves:
         leapfrog.move(state, k, step, rates, limits, dt)
         finite[k] = all_finite(state.velocity[k])
+
+
+_share_leaps = shared(_leap)
+
+
+@parallel_kernel
+def _leap_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+    _share_leaps(blocks, arguments)
+
+
+def advance_leapfrog(
+    state: ParticleState,
+    forces: Forces,
+    rates: Rates,
+    limits: Limits,
+    until: float,
+    steps: int,
+) -> None:
+    """`Stepper` of the scheme `paper`."""
+    clock, blocks = state.clock[0], len(state.place)
+    found = np.zeros(blocks, np.int64), np.ones(blocks, np.bool_)
+    # All at once, unless what samples do to each other comes in between.
+    parts = ((True, True),) if forces.together is None else ((True, False), (False, True))
+    for step in range(steps):
+        remaining = until - clock[TIME]
+        if remaining <= 0.0 or clock[STATUS] != RUNNING:
+            return
+        dt = equal_steps(remaining, limits.step)
+        here = state, step, rates, limits, dt, forces.alone, found
+        together = 0
+        for sets, moves in parts:
+            with one_by_one():
+                _leap_blocks(blocks, (*here, (sets, moves)))
+            if not moves:
+                together = _add_together(forces, state.place, state.force)
+        clock[OUTSIDE] = found[0].sum() + together
+        accept(clock, until, dt, limits.step, GIVEN)
+        if not found[1].all():
+            clock[STATUS] = NOT_FINITE
 
 
 @kernel
@@ -198,40 +230,6 @@ class _Found(NamedTuple):
 
 
 @kernel
-def _predict(
-    state: ParticleState,
-    blocks: tuple[int, int],
-    step: int,
-    rates: Rates,
-    limits: Limits,
-    trial: Trial,
-    dt: float,
-    found: _Found,
-) -> None:
-    """Predictions and what acts on each sample there by itself; errors too, if that is all."""
-    for k in range(blocks[0], blocks[1]):
-        _predict_block(state, k, step, rates, limits, trial, dt, found)
-
-
-@kernel
-def _predict_block(
-    state: ParticleState,
-    k: int,
-    step: int,
-    rates: Rates,
-    limits: Limits,
-    trial: Trial,
-    dt: float,
-    found: _Found | None,
-) -> None:
-    if found is not None:
-        noise, here = noise_rows(state.noise, k, step), _trial_of(trial, k)
-        predict_step(state, k, noise, rates, limits, here, dt)
-        found.outside[k] = _set_alone(found.alone, here.folded, here.force)
-        _measure_one(found.squares, state, k, rates, limits, here, dt)
-
-
-@kernel
 def _measure_one(
     squares: Floats | None,
     state: ParticleState,
@@ -247,70 +245,71 @@ def _measure_one(
 
 @kernel
 def _measure(
+    k: int,
     state: ParticleState,
-    blocks: tuple[int, int],
     rates: Rates,
     limits: Limits,
     trial: Trial,
     dt: float,
     squares: Floats,
 ) -> None:
-    for k in range(blocks[0], blocks[1]):
-        squared_errors(state, k, rates, limits, _trial_of(trial, k), dt, squares[k])
+    squared_errors(state, k, rates, limits, _trial_of(trial, k), dt, squares[k])
+
+
+_share_measures = shared(_measure)
+
+
+@parallel_kernel
+def _measure_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+    _share_measures(blocks, arguments)
 
 
 @kernel
-def _accept(
+def _step(
+    k: int,
     state: ParticleState,
-    blocks: tuple[int, int],
     step: int,
     rates: Rates,
     limits: Limits,
     trial: Trial,
     steps: tuple[float, float],
     finite: NDArray[np.bool_],
-    ahead: _Found | None,
+    found: _Found,
 ) -> None:
-    """Finish a step and, with `ahead`, predict the next one, block by block: both are `steps` long."""
+    """Finish step number `step`, and predict the next one.
+
+    And look at what acts on each sample there by itself; errors too, if that is all.
+
+    steps : how long both steps are; 0 for what is not to be done.
+    """
     dt, next_dt = steps
-    for k in range(blocks[0], blocks[1]):
-        noise = noise_rows(state.noise, k, step)
-        accept_step(state, k, noise, rates, limits, _trial_of(trial, k), dt)
+    here = _trial_of(trial, k)
+    if dt > 0.0:
+        accept_step(state, k, noise_rows(state.noise, k, step), rates, limits, here, dt)
         finite[k] = all_finite(state.velocity[k])
-        _predict_block(state, k, step + 1, rates, limits, trial, next_dt, ahead)
+    if next_dt > 0.0:
+        noise = noise_rows(state.noise, k, step + 1)
+        predict_step(state, k, noise, rates, limits, here, next_dt)
+        found.outside[k] = _set_alone(found.alone, here.folded, here.force)
+        _measure_one(found.squares, state, k, rates, limits, here, next_dt)
 
 
-def _move_all(state: ParticleState, step: int, rates: Rates, limits: Limits, dt: float) -> bool:
-    """One leapfrog step of all blocks in the drift `state.force`; whether all is finite then."""
-    finite = np.ones(state.place.shape[0], np.bool_)
-
-    def move(first: int, end: int) -> None:
-        _move(state, (first, end), step, rates, limits, dt, finite)
-
-    over_blocks(state.place, move, _LEAST_STEPS)
-    return bool(finite.all())
+_share_steps = shared(_step)
 
 
-def advance_leapfrog(
-    state: ParticleState,
-    forces: Forces,
-    rates: Rates,
-    limits: Limits,
-    until: float,
-    steps: int,
-) -> None:
-    """`Stepper` of the scheme `paper`."""
-    clock = state.clock[0]
-    for step in range(steps):
-        remaining = until - clock[TIME]
-        if remaining <= 0.0 or clock[STATUS] != RUNNING:
-            return
-        dt = equal_steps(remaining, limits.step)
-        clock[OUTSIDE] = set_forces(forces, state.place, state.force)
-        finite = _move_all(state, step, rates, limits, dt)
-        accept(clock, until, dt, limits.step, GIVEN)
-        if not finite:
-            clock[STATUS] = NOT_FINITE
+@parallel_kernel
+def _step_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+    _share_steps(blocks, arguments)
+
+
+@kernel
+def _worst_of(outside: Indices, squares: Floats, tolerance: float) -> tuple[int, float, int]:
+    """Samples outside the flow; the error over the tolerance of all blocks' mean, and its kind."""
+    mean = squares[0].copy()
+    for k in range(1, squares.shape[0]):
+        mean += squares[k]
+    error, kind = largest_error(mean / squares.shape[0], tolerance)
+    return outside.sum(), error, kind
 
 
 class _Exponential:
@@ -328,35 +327,27 @@ class _Exponential:
         squares = self.squares if forces.together is None else None
         self.found = _Found(forces.alone, np.zeros(shape[0], np.int64), squares)
 
-    def predict(self, step: int, dt: float) -> None:
-        """Where the step leads for a constant drift, and the drift of each sample by itself there."""
-        state, common = self.state, (self.rates, self.limits, self.trial, dt)
-        over_blocks(state.place, lambda a, b: _predict(state, (a, b), step, *common, self.found))
+    def step(self, step: int, dt: float, next_dt: float) -> None:
+        """Finish step number `step`, dt long, and predict the next one; 0 for what is not to be done."""
+        state, common = self.state, (self.rates, self.limits, self.trial)
+        here = state, step, *common, (dt, next_dt), self.finite, self.found
+        with one_by_one():
+            _step_blocks(len(state.place), here)
+        if not self.finite.all():
+            state.clock[0, STATUS] = NOT_FINITE
 
     def examine(self, dt: float) -> tuple[float, int]:
         """The drift at what is predicted; the error estimate over the tolerance, and its kind."""
-        state, trial, squares = self.state, self.trial, self.squares
-        outside = int(self.found.outside.sum())
+        state, trial = self.state, self.trial
+        outside = 0
         if self.forces.together is not None:
-            common = self.rates, self.limits, trial, dt
             outside += self.forces.together(trial.folded, trial.force)
-            over_blocks(
-                state.place, lambda a, b: _measure(state, (a, b), *common, squares), _LEAST_STEPS
-            )
-        state.clock[0, OUTSIDE] = outside
-        return largest_error(squares.mean(axis=0), self.limits.tolerance)
-
-    def accept(self, step: int, dt: float, next_dt: float) -> None:
-        """Finish the step that was examined; predict the next one, unless `next_dt` is 0."""
-        state, common = self.state, (self.rates, self.limits, self.trial)
-        ahead = self.found if next_dt > 0.0 else None
-        over_blocks(
-            state.place,
-            lambda a, b: _accept(state, (a, b), step, *common, (dt, next_dt), self.finite, ahead),
-            _LEAST_STEPS if ahead is None else _LEAST_DRIFTS,
-        )
-        if not self.finite.all():
-            state.clock[0, STATUS] = NOT_FINITE
+            here = state, self.rates, self.limits, trial, dt, self.squares
+            with one_by_one():
+                _measure_blocks(len(state.place), here)
+        seen, error, kind = _worst_of(self.found.outside, self.squares, self.limits.tolerance)
+        state.clock[0, OUTSIDE] = outside + seen
+        return error, kind
 
 
 def advance_exponential(
@@ -380,7 +371,7 @@ def advance_exponential(
         if dt == 0.0 or clock[STATUS] != RUNNING:
             return
         if not predicted:
-            parts.predict(step, dt)
+            parts.step(step - 1, 0.0, dt)
         error, kind = parts.examine(dt)
         planned = dt * step_factor(error)
         predicted = bool(error <= 1.0) or state.noise is not None
@@ -389,7 +380,7 @@ def advance_exponential(
             accept(clock, until, dt, planned, kind)
             dt = _next_step(clock, until)
             predicted = step + 1 < steps
-            parts.accept(step, taken, dt if predicted else 0.0)
+            parts.step(step, taken, dt if predicted else 0.0)
         else:
             reject(clock, until, planned, kind)
             dt = _next_step(clock, until)

@@ -1,91 +1,112 @@
-"""Compiled tasks on all threads, whatever they are given.
+"""Whatever a kernel is given, in loops that its threads share.
 
-Loops that numba shares among threads (`prange`) take numbers, arrays and flat tuples of these. Tuples of
-tuples go in by their address instead: to hand work over takes 3 us, with Python's threads 70 us.
+Such loops (`prange`) take numbers, arrays and flat tuples of these from what stands before them. Tuples
+of tuples go in packed:
+
+    packed = pack((state, rates, limits))
+    for k in numba.prange(count):
+        _step(signed(k), *unpack(packed))
+
+To hand work over like this takes 3 us; with Python's threads, which `kernels.for_each` uses, 70 us.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic, overload
 
-# Numba ships half of its types: this function has none.
+from ellipsoid_coupling.kernels import inline_kernel
+
+# Numba ships half of its types: these have none.
 _variable: Any = cgutils.alloca_once_value
+_array: Any = types.Array
+_record: Any = types.Record
 
-Share = Callable[[int, tuple[Any, ...]], None]
+# What is packed looks to numba like an array of one record, with a field that tells which type it is.
+_kinds: list[Any] = []
 
 
-def _address_of(context: Any, value: Any) -> Any:
+@inline_kernel
+def signed(k: int) -> int:
+    """The turn k of a shared loop, which numba counts without a sign.
+
+    What is called with it would be compiled for both kinds of integers.
+    """
+    return int(np.int64(k))
+
+
+def pack(value: Any) -> Any:
+    """`value` for the loops below, in the function that packs it; in Python as it is."""
+    return value
+
+
+def unpack(packed: Any) -> Any:
+    """What was packed."""
+    return packed
+
+
+def _box_for(kind: Any) -> Any:
+    if kind not in _kinds:
+        _kinds.append(kind)
+    field = {"type": types.uint8, "offset": 0}
+    return _array(_record([(f"kind_{_kinds.index(kind)}", field)], 1, False), 1, "C")
+
+
+def _kind_in(box: Any) -> Any:
+    (name,) = box.dtype.fields
+    return _kinds[int(name.removeprefix("kind_"))]
+
+
+def _pack(context: Any, value: Any) -> Any:
     del context
+    box = _box_for(value)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         del signature
-        room = _variable(builder, arguments[0])
-        return builder.ptrtoint(room, context.get_value_type(types.intp))
+        array = context.make_array(box)(context, builder)
+        one = context.get_constant(types.intp, 1)
+        context.populate_array(
+            array,
+            data=builder.bitcast(_variable(builder, arguments[0]), array.data.type),
+            shape=(one,),
+            strides=(one,),
+            itemsize=one,
+            # Nobody's memory: that of the function which is under way.
+            meminfo=None,
+        )
+        return array._getvalue()
 
-    return types.intp(value), generate
-
-
-_compiled_address_of: Any = intrinsic(_address_of)
-
-
-def _reader_of(kind: Any) -> Any:
-    """What reads a value of this type from its address."""
-
-    def read(context: Any, address: Any) -> Any:
-        del context
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            del signature
-            pointer = context.get_value_type(kind).as_pointer()
-            value = builder.load(builder.inttoptr(arguments[0], pointer))
-            # Who has a value counts as one who refers to its arrays.
-            context.nrt.incref(builder, kind, value)
-            return value
-
-        return kind(address), generate
-
-    return intrinsic(read)
+    return box(value), generate
 
 
-def shared(task: Callable[..., None]) -> Share:
-    """For parallel kernels: ``share(count, arguments)`` runs task(k, *arguments) for all k < count.
+def _unpack(context: Any, packed: Any) -> Any:
+    del context
+    kind = _kind_in(packed)
 
-    On numba's threads, in any order: tasks must be independent. The kernel around it is what Python
-    calls, and what numba's cache can keep:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        value = builder.load(builder.bitcast(data, context.get_value_type(kind).as_pointer()))
+        # Who has a value counts as one who refers to its arrays.
+        context.nrt.incref(builder, kind, value)
+        return value
 
-        _share_rows = shared(_step_row)
+    return kind(packed), generate
 
-        @parallel_kernel
-        def _step_rows(count, arguments):
-            _share_rows(count, arguments)
 
-    Parameters
-    ----------
-    task : kernel
-        Returns nothing.
-    """
+_compiled_pack: Any = intrinsic(_pack)
+_compiled_unpack: Any = intrinsic(_unpack)
 
-    def share(count: int, arguments: tuple[Any, ...]) -> None:
-        for k in range(count):
-            task(k, *arguments)
 
-    @overload(share, inline="always", strict=False)
-    def choose(count: Any, arguments: Any) -> Any:
-        del count
-        value_at = _reader_of(arguments)
+@overload(pack, inline="always", strict=False)
+def _choose_pack(value: Any) -> Any:
+    del value
+    return lambda value: _compiled_pack(value)
 
-        def run(count: Any, arguments: Any) -> None:
-            address = _compiled_address_of(arguments)
-            for k in numba.prange(count):
-                # Numba counts such loops without a sign; a task is not to be compiled for both.
-                task(np.int64(k), *value_at(address))
 
-        return run
-
-    return share
+@overload(unpack, inline="always", strict=False)
+def _choose_unpack(packed: Any) -> Any:
+    del packed
+    return lambda packed: _compiled_unpack(packed)

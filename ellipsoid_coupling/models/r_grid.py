@@ -6,7 +6,7 @@ the three operations that a splitting uses (`schemes.splitting.SplitEquation`) l
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numba
 import numpy as np
@@ -113,13 +113,23 @@ class RGridEquation:
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
 
-    def transport(self, flux: AnyFlux, dt: float, x_first: bool) -> None:
-        """Move all fields along x and y, or y and x, for dt, boundary conditions included."""
+    @property
+    def interacts(self) -> bool:
+        """Whether a cell feels others."""
+        return self._interaction is not None
+
+    def transport(
+        self, flux: AnyFlux, dt: float, x_first: bool, work: tuple[Any, Any] = (None, None)
+    ) -> None:
+        """Move all fields along x and y, or y and x, for dt, boundary conditions included.
+
+        work : what is done to each row before and after, see `schemes.planes`.
+        """
         reflecting = self._setup.terms.reflection
         plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())
         thin, flat = flux._replace(vacuum=self._vacuum), self.fields.reshape(len(self.fields), -1)
         move = Move(x_first, dt / self.cell, reflecting)
-        gone = sweep_planes(thin, flat, plane, strips, spans, move)
+        gone = sweep_planes(thin, flat, plane, strips, spans, move, work)
         if not reflecting:
             self._left += gone
 

@@ -24,8 +24,8 @@ from ellipsoid_coupling.schemes.sources import (
     MOMENTUM_X,
     RHO,
     SPIN,
+    TurnWork,
     extremes,
-    turn,
 )
 from ellipsoid_coupling.schemes.splitting import SplitEquation
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
@@ -191,5 +191,4 @@ class CreepingHeun(_Creeping):
         return True
 
     def _fly(self, equation: SplitEquation, dt: float, x_first: bool) -> None:
-        turn(equation.fields, dt)
-        equation.transport(self._flux, dt, x_first)
+        equation.transport(self._flux, dt, x_first, (TurnWork(dt), None))

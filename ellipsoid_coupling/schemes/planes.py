@@ -12,18 +12,30 @@ the rows are in cache:
 Where a run of rows is cut into strips, so that all threads have some, a strip looks at two rows beyond
 its ends that another one changes. Copies of these are made before (and swept along x where x comes
 first): what comes out is that of two sweeps, bit for bit.
+
+What else is done to each row before and after, cell by cell (`register_row_work`), is done here on the
+way, while the row is in cache.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numba.core import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import few_by_few, inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import (
+    KERNEL_OPTIONS,
+    few_by_few,
+    inline_kernel,
+    parallel_kernel,
+    view_kernel,
+)
 from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.schemes.fluxes.contract import Flux, in_order
@@ -40,10 +52,12 @@ from ellipsoid_coupling.schemes.sweeps import (
     step_march,
     sweep_row,
 )
+from ellipsoid_coupling.sharing import pack, signed, unpack
 from ellipsoid_coupling.tuples import Rows, fetch_piece, rows_at, whole_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+_OPTIONS: Any = KERNEL_OPTIONS
 
 # Rows that x is ahead of y. The march begins with two rows below the first one, which at the edge are
 # ghosts that need the first two rows; and what has just been written is not read at once.
@@ -119,6 +133,63 @@ def whole_plane(padded: tuple[int, int], threads: int) -> tuple[Plane, Strips, I
     return plane, strips_of(runs, padded[1], threads), np.array([[[0, columns]] * rows])
 
 
+def work_on_row(work: Any, cells: Rows, j: int, width: int, strip: int) -> None:
+    """What is done to row j of a plane, besides transport; nothing for None.
+
+    Parameters
+    ----------
+    work : NamedTuple or None
+        Chooses what is done and holds what that needs.
+    cells : Rows
+        Its interior, all components, density first.
+    j, width : int
+        The row among those of the interior, and its cells.
+    strip : int
+        The number of the strip, each of which is worked on by one thread at a time.
+    """
+    del cells, j, width, strip
+    if work is not None:
+        raise TypeError(f"{type(work).__name__} is no registered work")
+
+
+def register_row_work(kind: type[Any], formula: Callable[..., None]) -> None:
+    """Make `formula`, an inline kernel, what is done to rows for a `work` of this type."""
+
+    def run(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> None:
+        formula(work, cells, j, width, strip)
+
+    def choose(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> Any:
+        del cells, j, width, strip
+        return run if getattr(work, "instance_class", None) is kind else None
+
+    overload(work_on_row, inline="always", strict=False, jit_options=_OPTIONS)(choose)
+
+
+@overload(work_on_row, inline="always", strict=False, jit_options=_OPTIONS)
+def _choose_no_work(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> Any:
+    del cells, j, width, strip
+    return (lambda work, cells, j, width, strip: None) if work == types.none else None  # noqa: ARG005
+
+
+class _Whole(NamedTuple):
+    """What all strips have in common; see `sweep_planes`.
+
+    x, y : components in the order of a sweep along x and along y.
+    copies : (cuts, 4, K, row), the rows beside cuts.
+    gone : (planes, rows + 2), the mass that has left through the ends of each row, and of each plane.
+    """
+
+    fields: Floats
+    copies: Floats
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+    plane: Plane
+    strips: Strips
+    spans: Indices
+    move: Move
+    gone: Floats
+
+
 @inline_kernel
 def _line_of(plane: Plane, cell: int) -> tuple[int, int]:
     """The plane and the row of a flat cell."""
@@ -140,69 +211,56 @@ def _fill_row(cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> Non
 
 
 @view_kernel
-def _copy_beside_cut(
-    flux: Flux,
-    fields: Floats,
-    components: tuple[int, ...],
-    plane: Plane,
-    cell: int,
-    spans: Indices,
-    move: Move,
-    scratch: RowScratch,
-    copy: Floats,
-) -> None:
-    """Copy the row of `cell`, K components; where x comes first, sweep the copy along it."""
-    start = _start_of(plane, cell)
-    copy_row(rows_at(fields, components, start), rows_at(copy, components, 0), plane.row)
-    if move.x_first:
-        a, j = _line_of(plane, cell)
-        first, end = spans[a, j]
-        _fill_row(rows_at(copy, components, 0), plane, spans[a, j], move.reflecting)
-        if end > 0:
-            cells = rows_at(copy, components, first)
-            sweep_row(flux, cells, start + first, end - first, move.ratio, scratch)
+def _fill_worked_row(work: Any, cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> None:
+    """Fill the ghosts of one row that has been worked on, if there was anything to do."""
+    if work is not None:
+        _fill_row(cells, plane, span, reflecting)
 
 
 @view_kernel
-def _sweep_x(
-    flux: Flux,
-    fields: Floats,
-    components: tuple[int, ...],
-    start: int,
-    span: Indices,
-    ratio: float,
-    scratch: RowScratch,
-) -> float:
-    """Sweep the `span` of the row that begins at flat cell `start`; returns the mass that has left."""
-    first, width = start + span[0], span[1] - span[0]
-    if width <= 0:
-        return 0.0
-    return sweep_row(flux, rows_at(fields, components, first), first, width, ratio, scratch)
+def _copy_beside_cut(
+    task: int, flux: Flux, whole: _Whole, before: Any, scratch: RowScratch
+) -> None:
+    """Copy a row beside a cut, work on the copy and, where x comes first, sweep it along x."""
+    cut, row = task // _COPIED, task % _COPIED
+    plane, move, copy = whole.plane, whole.move, whole.copies[cut, row]
+    cell = whole.strips.above[cut] + (row - GHOSTS) * plane.row
+    start = _start_of(plane, cell)
+    copy_row(rows_at(whole.fields, whole.x, start), rows_at(copy, whole.x, 0), plane.row)
+    a, j = _line_of(plane, cell)
+    work_on_row(before, rows_at(copy, whole.x, GHOSTS), j, plane.columns, 0)
+    if move.x_first:
+        span = whole.spans[a, j]
+        _fill_row(rows_at(copy, whole.x, 0), plane, span, move.reflecting)
+        if span[1] > 0:
+            cells = rows_at(copy, whole.x, span[0])
+            sweep_row(flux, cells, start + span[0], span[1] - span[0], move.ratio, scratch)
+
+
+@view_kernel
+def _sweep_x(flux: Flux, whole: _Whole, a: int, j: int, scratch: RowScratch) -> None:
+    """Sweep what moves of row j of plane a."""
+    plane, span = whole.plane, whole.spans[a, j]
+    first = plane.corner - GHOSTS + a * plane.next_plane + j * plane.row + span[0]
+    width = span[1] - span[0]
+    if width > 0:
+        cells = rows_at(whole.fields, whole.x, first)
+        whole.gone[a, j] = sweep_row(flux, cells, first, width, whole.move.ratio, scratch)
 
 
 @inline_kernel
-def _strip_row(
-    fields: Floats,
-    copies: Floats,
-    components: tuple[int, ...],
-    march: March,
-    cuts: tuple[int, int],
-    column: int,
-    row: int,
-) -> Rows:
+def _strip_row(whole: _Whole, march: March, cuts: tuple[int, int], column: int, row: int) -> Rows:
     """Row number `row` of a strip; beyond a cut, its copy, of which `column` is the same cell."""
-    rows = rows_at(fields, components, march.first + row * march.stride)
+    rows = rows_at(whole.fields, whole.y, march.first + row * march.stride)
     if row < 0 and cuts[0] >= 0:
-        rows = rows_at(copies[cuts[0], row + GHOSTS], components, column)
+        rows = rows_at(whole.copies[cuts[0], row + GHOSTS], whole.y, column)
     if row >= march.length and cuts[1] >= 0:
-        rows = rows_at(copies[cuts[1], row - march.length + GHOSTS], components, column)
+        rows = rows_at(whole.copies[cuts[1], row - march.length + GHOSTS], whole.y, column)
     return rows
 
 
 @inline_kernel
-def _fetch_half(
-    fields: Floats, components: tuple[int, ...], march: March, row: int, half: int
-) -> None:
+def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
     """Ask for one half of a row to come, if the strip has it.
 
     A row at once is more than the processor can wait for; unasked, it does not read on while it works
@@ -211,27 +269,23 @@ def _fetch_half(
     part = march.width // 2
     if row < march.length:
         cells = march.first + row * march.stride + half * part
-        fetch_piece(rows_at(fields, components, cells), part)
+        fetch_piece(rows_at(whole.fields, whole.x, cells), part)
 
 
 @view_kernel
 def _sweep_strip(
+    strip: int,
     flux: Flux,
-    fields: Floats,
-    copies: Floats,
-    components: tuple[tuple[int, ...], tuple[int, ...]],
-    plane: Plane,
+    whole: _Whole,
+    before: Any,
+    after: Any,
     march: March,
-    cuts: tuple[int, int],
-    spans: Indices,
-    move: Move,
     scratch: RowScratch,
     room: Floats,
-    gone: Floats,
 ) -> None:
-    """Sweep one strip along both directions; `components` in the order of x, and in that of y."""
-    x, y = components
-    length, reflecting = march.length, move.reflecting
+    """Sweep the rows of one strip along both directions."""
+    plane, move, length = whole.plane, whole.move, march.length
+    cuts = whole.strips.low[strip], whole.strips.high[strip]
     a, j = _line_of(plane, march.first)
     start = _start_of(plane, march.first)
     column = march.first - start
@@ -239,80 +293,70 @@ def _sweep_strip(
     lowest = march.first - j * plane.row, march.width, plane.row
     at_low = j < GHOSTS and cuts[0] < 0
     at_high = j + length > plane.rows - GHOSTS and cuts[1] < 0
-    if move.x_first:
+    if move.x_first and before is None:
         # All at once: each by itself would wait for its row to come from memory.
         for row in range(length):
-            cells = rows_at(fields, x, start + row * plane.row)
-            _fill_row(cells, plane, spans[a, j + row], reflecting)
-    else:
-        fill_sides(fields, y, lowest, plane.rows, (at_low, at_high), reflecting)
-    begin, done = first_row(flux, y, room), 0
-    # Of the rows that nothing has looked at yet, the one that x or y comes to in the next turn.
-    coming = _AHEAD + 1 if move.x_first else 2
+            cells = rows_at(whole.fields, whole.x, start + row * plane.row)
+            _fill_row(cells, plane, whole.spans[a, j + row], move.reflecting)
+    begin, ready, done = first_row(flux, whole.y, room), 0, 0
+    # Of the rows that nothing has looked at yet, the one that the next turn comes to.
+    coming = 2 if before is None and not move.x_first else _AHEAD + 1
     for row in range(begin, length + 1):
-        _fetch_half(fields, x, march, row + coming, 0)
-        while move.x_first and done < min(row + _AHEAD, length):
-            here = start + done * plane.row
-            span = spans[a, j + done]
-            gone[a, j + done] = _sweep_x(flux, fields, x, here, span, move.ratio, scratch)
-            done += 1
-            ends = at_low and done == min(GHOSTS, length), at_high and done == length
-            fill_sides(fields, y, lowest, plane.rows, ends, reflecting)
+        _fetch_half(whole, march, row + coming, 0)
+        while ready < min(row + _AHEAD, length):
+            cells = rows_at(whole.fields, whole.x, start + ready * plane.row)
+            inner = rows_at(whole.fields, whole.x, start + ready * plane.row + GHOSTS)
+            work_on_row(before, inner, j + ready, plane.columns, strip)
+            if move.x_first:
+                _fill_worked_row(before, cells, plane, whole.spans[a, j + ready], move.reflecting)
+                _sweep_x(flux, whole, a, j + ready, scratch)
+            ready += 1
+            ends = at_low and ready == min(GHOSTS, length), at_high and ready == length
+            fill_sides(whole.fields, whole.y, lowest, plane.rows, ends, move.reflecting)
         if move.x_first:
-            _fetch_half(fields, x, march, row + coming, 1)
+            _fetch_half(whole, march, row + coming, 1)
         three = (
-            _strip_row(fields, copies, y, march, cuts, column, row - 1),
-            _strip_row(fields, copies, y, march, cuts, column, row),
-            _strip_row(fields, copies, y, march, cuts, column, row + 1),
+            _strip_row(whole, march, cuts, column, row - 1),
+            _strip_row(whole, march, cuts, column, row),
+            _strip_row(whole, march, cuts, column, row + 1),
         )
         if row == begin:
             begin_march(flux, three[0], three[1], room)
         cell = march.first + row * plane.row
-        through = step_march(flux, y, three, cell, march, row, move.ratio, room, three[2], False)
+        through = step_march(flux, whole.y, three, cell, march, row, move.ratio, room)
         # Runs that end elsewhere end in vacuum.
         if row == 0 and j == 0:
-            gone[a, plane.rows] = through
+            whole.gone[a, plane.rows] = through
         if row == length and j + length == plane.rows:
-            gone[a, plane.rows + 1] = through
-        if not move.x_first and row > 0:
-            _fetch_half(fields, x, march, row + coming, 1)
-            cells = rows_at(fields, x, start + (row - 1) * plane.row)
-            _fill_row(cells, plane, spans[a, j + row - 1], reflecting)
-            while done < (row - 1 if row < length else length):
-                here = start + done * plane.row
-                span = spans[a, j + done]
-                gone[a, j + done] = _sweep_x(flux, fields, x, here, span, move.ratio, scratch)
-                done += 1
+            whole.gone[a, plane.rows + 1] = through
+        if not move.x_first:
+            _fetch_half(whole, march, row + coming, 1)
+        # Behind the row that has just been written: it is not read at once.
+        while done < (row if row == length or move.x_first else row - 1):
+            if not move.x_first:
+                cells = rows_at(whole.fields, whole.x, start + done * plane.row)
+                _fill_row(cells, plane, whole.spans[a, j + done], move.reflecting)
+                _sweep_x(flux, whole, a, j + done, scratch)
+            inner = rows_at(whole.fields, whole.x, start + done * plane.row + GHOSTS)
+            work_on_row(after, inner, j + done, plane.columns, strip)
+            done += 1
 
 
 @parallel_kernel
-def _sweep_planes(
-    flux: Flux,
-    fields: Floats,
-    components: tuple[tuple[int, ...], tuple[int, ...]],
-    plane: Plane,
-    strips: Strips,
-    spans: Indices,
-    move: Move,
-    gone: Floats,
-) -> None:
-    # Loops that threads share take no tuples of tuples, nor of arrays.
-    x, y = components
-    firsts, lengths, widths, lows, highs, above = strips
-    longest = whole_vectors(plane.row) + DOUBLES
-    copies = np.empty((above.size, _COPIED, len(x), longest))
-    for task in numba.prange(above.size * _COPIED):
-        k, row = task // _COPIED, task % _COPIED
-        here = fields, x, plane, above[k] + (row - GHOSTS) * plane.row, spans, move
-        _copy_beside_cut(flux, *here, row_scratch(plane.row), copies[k, row])
-    for task in numba.prange(firsts.size):
-        march = March(firsts[task], lengths[task], widths[task], plane.row)
+def _sweep_planes(flux: Flux, whole: _Whole, before: Any, after: Any) -> None:
+    packed = pack((flux, whole, before, after))
+    for task in numba.prange(whole.copies.shape[0] * _COPIED):
+        flux_, whole_, before_, _ = unpack(packed)
+        _copy_beside_cut(signed(task), flux_, whole_, before_, row_scratch(whole_.plane.row))
+    for task in numba.prange(whole.strips.first.size):
+        flux_, whole_, before_, after_ = unpack(packed)
+        strips, row = whole_.strips, whole_.plane.row
+        march = March(strips.first[task], strips.length[task], strips.width[task], row)
         # Not beyond the last cell of all, where the march looks at the row above the last one.
-        left = fields.shape[1] - march.first - (march.length + 1) * plane.row
-        room = march_room(y, min(whole_vectors(march.width), left))
-        whole = flux, fields, copies, (x, y), plane
-        strip = march, (lows[task], highs[task]), spans, move
-        _sweep_strip(*whole, *strip, row_scratch(plane.row), room, gone)
+        left = whole_.fields.shape[1] - march.first - (march.length + 1) * row
+        room = march_room(whole_.y, min(whole_vectors(march.width), left))
+        work = before_, after_
+        _sweep_strip(signed(task), flux_, whole_, *work, march, row_scratch(row), room)
 
 
 def sweep_planes(
@@ -322,6 +366,7 @@ def sweep_planes(
     strips: Strips,
     spans: Indices,
     move: Move,
+    work: tuple[Any, Any] = (None, None),
 ) -> float:
     """Transport along x and y, in place, ghosts included; as sweeps along one and the other would.
 
@@ -338,6 +383,9 @@ def sweep_planes(
     spans : (planes, rows, 2) int64
         First column and end of what moves along x in each row; the end is 0 where nothing does.
     move : Move
+    work : (NamedTuple or None, NamedTuple or None)
+        What is done to each row of a plane before transport and after it, see `work_on_row`; of planes
+        that are filled.
 
     Returns
     -------
@@ -346,7 +394,10 @@ def sweep_planes(
     """
     # A number for each row and for both ends of each plane: their sum does not depend on the strips.
     gone = np.zeros((spans.shape[0], plane.rows + 2))
-    components = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
+    x, y = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
+    cuts, longest = strips.above.size, whole_vectors(plane.row) + DOUBLES
+    copies = np.empty((cuts, _COPIED, len(x), longest))
+    whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone)
     with few_by_few(strips.first.size):
-        _sweep_planes(flux, fields, components, plane, strips, spans, move, gone)
+        _sweep_planes(flux, whole, *work)
     return float(gone.sum())

@@ -21,7 +21,6 @@ from ellipsoid_coupling.kernels import (
     inline_kernel,
     kernel,
     parallel_kernel,
-    view_kernel,
 )
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.schemes.drive import (
@@ -35,6 +34,7 @@ from ellipsoid_coupling.schemes.drive import (
     outer_torque,
 )
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.planes import register_row_work, whole_plane
 from ellipsoid_coupling.tuples import (
     Rows,
     Values,
@@ -207,23 +207,29 @@ def _kick_row(cells: Rows, drift: Rows, change: Kick, turning: float, width: int
             store(angles, i, each(_turned, (turning,), (cell[ANGLE:SPIN], new[2:])))
 
 
-@parallel_kernel
-def _kick(
-    fields: Floats,
-    components: tuple[int, ...],
-    rates: tuple[int, ...],
-    drift: Floats,
-    change: Kick,
-    turning: float,
-) -> None:
-    for j in numba.prange(drift.shape[1]):
-        cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
-        _kick_row(cells, drifts, change, turning, drift.shape[2])
+class KickWork(NamedTuple):
+    """Work on rows: kick v and omega in the drift as it is; then phi += turning omega, where it turns.
+
+    rates : which components of the drift there are, see `_parts`.
+    """
+
+    drift: Floats
+    rates: tuple[int, ...]
+    change: Kick
+    turning: float
 
 
-def kick(fields: Floats, drift: Floats, change: Kick, turning: float) -> None:
-    """Kick v and omega in the drift as it is, in place; then phi += turning omega, where it turns."""
-    _kick(fields, *_parts(fields), drift, change, turning)
+@inline_kernel
+def _kick_row_of(work: KickWork, cells: Rows, j: int, width: int, _: int) -> None:
+    _kick_row(cells, _drifts(work.drift, work.rates, j), work.change, work.turning, width)
+
+
+register_row_work(KickWork, _kick_row_of)
+
+
+def kick_work(fields: Floats, drift: Floats, change: Kick, turning: float) -> KickWork:
+    """For the rows of these fields."""
+    return KickWork(drift, _parts(fields)[1], change, turning)
 
 
 @inline_kernel
@@ -321,20 +327,84 @@ def _extremes_of(largest: Floats) -> Extremes:
     return Extremes(float(speed), float(spin), float(force), float(torque))
 
 
-@view_kernel
-def _turn_row(fields: Floats, j: int, dt: float) -> None:
-    angles = fields[ANGLE, j + GHOSTS, GHOSTS:-GHOSTS]
-    spins = fields[SPIN, j + GHOSTS, GHOSTS:-GHOSTS]
-    for i in range(angles.size):
-        angles[i] += dt * spins[i]
+@apart_kernel
+def _turn_row(cells: Rows, turning: float, width: int) -> None:
+    angles, spins = cells[ANGLE:SPIN], cells[SPIN:]
+    for i in range(whole_vectors(width)):
+        if i < width:
+            store(angles, i, each(_turned, (turning,), (load(angles, i), load(spins, i))))
 
 
-@parallel_kernel
-def turn(fields: Floats, dt: float) -> None:
-    """Phi += dt omega in every cell, in place; nothing where nothing turns."""
-    if fields.shape[0] == 5:
-        for j in numba.prange(fields.shape[1] - 2 * GHOSTS):
-            _turn_row(fields, j, dt)
+class TurnWork(NamedTuple):
+    """Work on rows: phi += turning omega, where it turns."""
+
+    turning: float
+
+
+@inline_kernel
+def _turn_row_of(work: TurnWork, cells: Rows, _: int, width: int, __: int) -> None:
+    _turn_row(cells, work.turning, width)
+
+
+register_row_work(TurnWork, _turn_row_of)
+
+
+class KickAnewWork(NamedTuple):
+    """Work on rows: that of `TurnWork`, and then `kick_anew` without interaction.
+
+    rates, sizes : which components of the drift, and sizes of a cell, there are.
+    peaks : (sizes, strips, columns), raised to the sizes found.
+    """
+
+    terms: CellTerms
+    forces: NoForces
+    drift: Floats
+    rates: tuple[int, ...]
+    sizes: tuple[int, ...]
+    change: Kick
+    turning: float
+    peaks: Floats
+
+    def found(self) -> Extremes:
+        """What there is at most, after all rows."""
+        largest = np.zeros((1, 4))
+        largest[0, : len(self.sizes)] = self.peaks.max(axis=(1, 2))
+        return _extremes_of(largest)
+
+
+@inline_kernel
+def _kick_row_anew(work: KickAnewWork, cells: Rows, j: int, width: int, strip: int) -> None:
+    terms = work.terms
+    drive = drive_at(terms, work.forces, (j, work.drift.shape[1], 0), j)
+    drifts = _drifts(work.drift, work.rates, j)
+    peaks = rows_at(work.peaks, each(row_of, (work.peaks.shape[1], strip), (work.sizes,)), 0)
+    _turn_row(cells, work.turning, width)
+    _kick_anew_row(cells, drive, terms.amplitude, work.change, width, drifts, peaks)
+
+
+register_row_work(KickAnewWork, _kick_row_anew)
+
+
+def kick_anew_work(
+    fields: Floats, terms: CellTerms, drift: Floats, change: Kick, turning: float
+) -> KickAnewWork:
+    """For the rows of these fields, and as many threads as there are now."""
+    components, rates = _parts(fields)
+    strips = whole_plane(fields.shape[1:], numba.get_num_threads())[1].first.size
+    peaks = np.zeros((len(components) - 1, strips, drift.shape[2]))
+    return KickAnewWork(terms, NoForces(), drift, rates, components[:-1], change, turning, peaks)
+
+
+@kernel
+def _kick_rows_anew(work: KickAnewWork, fields: Floats, components: tuple[int, ...]) -> None:
+    for j in range(work.drift.shape[1]):
+        _kick_row_anew(work, _cells(fields, components, j), j, work.drift.shape[2], 0)
+
+
+def kick_rows_anew(fields: Floats, work: KickAnewWork) -> Extremes:
+    """Work on all rows without transport, on one thread: for the start, where it is done once."""
+    _kick_rows_anew(work, fields, _parts(fields)[0])
+    return work.found()
 
 
 @parallel_kernel

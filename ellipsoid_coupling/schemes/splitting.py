@@ -7,7 +7,7 @@ that the caller can repeat it with a smaller one.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,14 @@ from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
 from ellipsoid_coupling.schemes.sources import (
     Extremes,
     Kick,
+    TurnWork,
     exact_kick,
     extremes,
-    kick,
     kick_anew,
+    kick_anew_work,
+    kick_rows_anew,
+    kick_work,
     step_implicitly,
-    turn,
 )
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
 from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
@@ -41,8 +43,17 @@ class SplitEquation(Protocol):
     drift: Floats
     terms: CellTerms
 
-    def transport(self, flux: Ballistic | Force, dt: float, x_first: bool) -> None:
-        """Move all fields along x and then y for dt, or along y and then x."""
+    def transport(
+        self,
+        flux: Ballistic | Force,
+        dt: float,
+        x_first: bool,
+        work: tuple[Any, Any] = (None, None),
+    ) -> None:
+        """Move all fields along x and then y for dt, or along y and then x.
+
+        work : what is done to each row before and after, see `schemes.planes`.
+        """
         ...
 
     def forces(self) -> Forces | None:
@@ -56,6 +67,11 @@ class SplitEquation(Protocol):
     @property
     def cell(self) -> float:
         """The cell width h."""
+        ...
+
+    @property
+    def interacts(self) -> bool:
+        """Whether a cell feels others; if not, `forces` gives None."""
         ...
 
 
@@ -161,7 +177,12 @@ class KickDriftKick:
 
     def start(self, equation: SplitEquation) -> None:
         """The drift, and what the first step follows from; later ones find it in their last kick."""
-        self._kick_anew(equation, Kick(1.0, 0.0, 1.0, 0.0))
+        fields, unchanged = equation.fields, Kick(1.0, 0.0, 1.0, 0.0)
+        if equation.interacts:
+            self._kick_anew(equation, unchanged)
+        else:
+            work = kick_anew_work(fields, equation.terms, equation.drift, unchanged, 0.0)
+            self.found = kick_rows_anew(fields, work)
 
     def restore(self, equation: SplitEquation) -> None:
         """As at the start: velocities change after the drift is set, place and angle do not."""
@@ -182,9 +203,15 @@ class KickDriftKick:
 
         The allowed step counts the acceleration within it in, and flights empty no cell.
         """
-        change = exact_kick(equation.terms, 0.5 * dt)
-        kick(equation.fields, equation.drift, change, 0.5 * dt)
-        equation.transport(self._flux, dt, x_first=count % 2 == 0)
-        turn(equation.fields, 0.5 * dt)
-        self._kick_anew(equation, change)
+        fields, drift, terms = equation.fields, equation.drift, equation.terms
+        change, x_first = exact_kick(terms, 0.5 * dt), count % 2 == 0
+        before = kick_work(fields, drift, change, 0.5 * dt)
+        if equation.interacts:
+            equation.transport(self._flux, dt, x_first, (before, TurnWork(0.5 * dt)))
+            self._kick_anew(equation, change)
+        else:
+            # Each cell by itself: no need to wait for the others.
+            after = kick_anew_work(fields, terms, drift, change, 0.5 * dt)
+            equation.transport(self._flux, dt, x_first, (before, after))
+            self.found = after.found()
         return True

@@ -288,6 +288,25 @@ def begin_march(flux: Flux, below: Rows, here: Rows, room: Floats) -> None:
 
 
 @inline_kernel
+def _stepped_row(below: Rows, components: tuple[int, ...], row: int, room: Floats) -> Rows:
+    """What a step of the march writes to: the row `below`, unless that is none of the march's."""
+    if row < 1:
+        ends = rows_at(room[0], components, 0)
+        copy_row(below, ends, room.shape[2])
+        below = ends
+    return below
+
+
+@inline_kernel
+def _passed(march: March, row: int, room: Floats) -> float:
+    """The mass that has left through the end that has been passed, less what came in."""
+    if row in (0, march.length):
+        through = float(room[1, DENSITY, : march.width].sum())
+        return through if row == march.length else -through
+    return 0.0
+
+
+@inline_kernel
 def step_march(
     flux: Flux,
     components: tuple[int, ...],
@@ -297,39 +316,45 @@ def step_march(
     row: int,
     ratio: float,
     room: Floats,
-    coming: Rows,
-    asked: bool,
 ) -> float:
     """Step the lowest of three `rows`, of which the middle one is row number `row` of the march.
 
     cell : flat index of the middle one.
-    coming : a row to ask for piece by piece on the way, if ``asked``.
     Returns the mass that has left through the end that has been passed, less what came in.
     """
-    below, here, above = rows
+    below = _stepped_row(rows[0], components, row, room)
     faces = rows_at(room[1], components, 0)
     ups = kept_for(flux, rows_at(room[2], components, 0))
-    if row < 1:
-        # Not of this march, and not to be written to.
-        ends = rows_at(room[0], components, 0)
-        copy_row(below, ends, room.shape[2])
-        below = ends
-    if asked:
-        size, piece = room.shape[2], piece_of(len(components))
-        for first in range(0, size, piece):
-            fetch_piece(onwards(coming, first), piece)
-            part = slice(first, min(first + piece, size))
-            three = onwards(below, first), onwards(here, first), onwards(above, first)
-            kept = onwards(faces, first), onwards(ups, first), room[3, 0, part], room[3, 1, part]
-            left = march.width - first
-            _across(flux, three, cell + first, march.stride, left, ratio, _Room(*kept))
-    else:
-        kept = _Room(faces, ups, room[3, 0], room[3, 1])
-        _across(flux, (below, here, above), cell, march.stride, march.width, ratio, kept)
-    if row in (0, march.length):
-        through = float(room[1, DENSITY, : march.width].sum())
-        return through if row == march.length else -through
-    return 0.0
+    kept = _Room(faces, ups, room[3, 0], room[3, 1])
+    _across(flux, (below, rows[1], rows[2]), cell, march.stride, march.width, ratio, kept)
+    return _passed(march, row, room)
+
+
+@inline_kernel
+def _step_march_in_pieces(
+    flux: Flux,
+    components: tuple[int, ...],
+    rows: tuple[Rows, Rows, Rows],
+    cell: int,
+    march: March,
+    row: int,
+    ratio: float,
+    room: Floats,
+    coming: Rows,
+) -> float:
+    """`step_march`, which asks for the row that is `coming` piece by piece on the way."""
+    below, here, above = _stepped_row(rows[0], components, row, room), rows[1], rows[2]
+    faces = rows_at(room[1], components, 0)
+    ups = kept_for(flux, rows_at(room[2], components, 0))
+    size, piece = room.shape[2], piece_of(len(components))
+    for first in range(0, size, piece):
+        fetch_piece(onwards(coming, first), piece)
+        part = slice(first, min(first + piece, size))
+        three = onwards(below, first), onwards(here, first), onwards(above, first)
+        kept = onwards(faces, first), onwards(ups, first), room[3, 0, part], room[3, 1, part]
+        left = march.width - first
+        _across(flux, three, cell + first, march.stride, left, ratio, _Room(*kept))
+    return _passed(march, row, room)
 
 
 @inline_kernel
@@ -376,12 +401,16 @@ def _march(
             above = rows_at(old[0], components, 0)
         if row == begin:
             begin_march(flux, below, here, room)
+        rows = below, here, above
         # A plane further the processor does not read on by itself. A flux that both sides of a face
         # have a part in keeps it busy for so long that asking is no gain.
-        coming = rows_at(fields, components, _turned_to(cell + 2 * march.stride, base, turn))
-        asked = turn > 0 and begin == 0
-        rows = below, here, above
-        gone += step_march(flux, components, rows, middle, march, row, ratio, room, coming, asked)
+        if turn > 0 and begin == 0:
+            coming = rows_at(fields, components, _turned_to(cell + 2 * march.stride, base, turn))
+            gone += _step_march_in_pieces(
+                flux, components, rows, middle, march, row, ratio, room, coming
+            )
+        else:
+            gone += step_march(flux, components, rows, middle, march, row, ratio, room)
     return gone
 
 

@@ -18,8 +18,9 @@ from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
 from ellipsoid_coupling.schemes.grid import interior
-from ellipsoid_coupling.schemes.sources import exact_kick, extremes, kick
+from ellipsoid_coupling.schemes.sources import exact_kick, extremes
 from ellipsoid_coupling.simulation import scene_flow, simulate
+from tests.schemes.whole import kick
 
 Floats = NDArray[np.float64]
 BOTH = pytest.mark.parametrize("scheme", ["paper", "accurate"])
@@ -211,7 +212,7 @@ def test_the_allowed_step_holds_the_cfl_number_after_the_kick(drag: float, cfl: 
         model.terms = model.terms._replace(steady=steady)
         model.restore(model.state())
         dt, _ = model.allowed_step()
-        kick(model.fields, model.drift, exact_kick(model.terms, 0.5 * dt), 0.0)
+        kick(model.fields, model.drift, exact_kick(model.terms, 0.5 * dt))
         assert extremes(model.fields, None).speed * dt <= cfl * model.cell * (1.0 + 1e-12)
 
 

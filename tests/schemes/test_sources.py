@@ -1,21 +1,29 @@
-"""Sources of an r-grid: the pass that does three things at once, against the three one by one."""
+"""Sources of an r-grid: passes that do several things at once, against these one by one."""
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.schemes.drive import CellTerms
+from ellipsoid_coupling.schemes.fluxes import Ballistic
 from ellipsoid_coupling.schemes.grid import interior
+from ellipsoid_coupling.schemes.planes import Move, sweep_planes, whole_plane
 from ellipsoid_coupling.schemes.sources import (
+    ANGLE,
+    SPIN,
+    TurnWork,
     exact_kick,
     extremes,
-    kick,
     kick_anew,
+    kick_anew_work,
+    kick_work,
     set_drift,
 )
+from tests.schemes.whole import kick
 
 Floats = NDArray[np.float64]
 
@@ -87,11 +95,61 @@ def test_a_kick_anew_is_drift_and_kick_and_extremes(components: int, interacting
     one, two = fields.copy(), fields.copy()
     drift, other = np.full((2, 3 if components == 5 else 2, ROWS, COLUMNS), np.nan)
     set_drift(one, terms, forces, drift)
-    kick(one, drift, change, 0.0)
+    kick(one, drift, change)
     found = kick_anew(two, terms, forces, other, change)
     assert np.array_equal(one, two)
     assert np.array_equal(drift, other)
     assert found == extremes(one, drift)
+
+
+@pytest.mark.parametrize("components", [3, 5])
+@pytest.mark.parametrize("x_first", [True, False])
+@pytest.mark.parametrize("reflecting", [True, False])
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_a_step_in_one_pass_is_its_parts_one_by_one(
+    components: int, x_first: bool, reflecting: bool, threads: int
+) -> None:
+    """Kick, transport, turn, kick anew: the same bits, however the rows are cut into strips."""
+    start, terms, _ = cells(components)
+    drift = np.empty((components // 2 + 1, ROWS, COLUMNS))
+    set_drift(start, terms, None, drift)
+    change, dt = exact_kick(terms, 0.05), 0.05
+    plane, strips, spans = whole_plane(start.shape[1:], threads)
+    move = Move(x_first, 0.05, reflecting)
+    apart, others, together = start.copy(), drift.copy(), start.copy()
+    kick(apart, others, change, dt)
+    flat = apart.reshape(components, -1)
+    gone = sweep_planes(Ballistic(), flat, plane, strips, spans, move)
+    if components == 5:
+        interior(apart)[ANGLE] += dt * interior(apart)[SPIN]
+    found = kick_anew(apart, terms, None, others, change)
+
+    before = kick_work(together, drift, change, dt)
+    after = kick_anew_work(together, terms, drift, change, dt)
+    # Room for each of these strips, which are not those of this machine.
+    after = after._replace(peaks=np.zeros((components - 1, strips.first.size, COLUMNS)))
+    flat = together.reshape(components, -1)
+    assert sweep_planes(Ballistic(), flat, plane, strips, spans, move, (before, after)) == gone
+    assert np.array_equal(interior(together), interior(apart))
+    assert np.array_equal(drift, others)
+    assert after.found() == found
+
+    # With interaction the drift waits for all cells.
+    waiting, drift = start.copy(), np.empty_like(drift)
+    set_drift(start, terms, None, drift)
+    flat = waiting.reshape(components, -1)
+    work = kick_work(waiting, drift, change, dt), TurnWork(dt)
+    assert sweep_planes(Ballistic(), flat, plane, strips, spans, move, work) == gone
+    assert kick_anew(waiting, terms, None, drift, change) == found
+    assert np.array_equal(interior(waiting), interior(apart))
+
+
+def test_there_is_room_for_the_peaks_of_every_strip() -> None:
+    fields, terms, _ = cells(5)
+    drift = np.zeros((3, ROWS, COLUMNS))
+    work = kick_anew_work(fields, terms, drift, exact_kick(terms, 0.1), 0.1)
+    strips = whole_plane(fields.shape[1:], numba.get_num_threads())[1]
+    assert work.peaks.shape == (4, strips.first.size, COLUMNS)
 
 
 def test_extremes_are_those_of_cells_with_mass() -> None:

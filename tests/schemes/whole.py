@@ -1,4 +1,4 @@
-"""Transport of all cells of a padded grid along one axis: the twin of what only goes where mass is."""
+"""Twins that treat all cells: of what only goes where mass is, and of what is done row by row."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.schemes.fluxes.contract import Flux
-from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.grid import GHOSTS, interior
+from ellipsoid_coupling.schemes.sources import ANGLE, MOMENTUM_X, RHO, SPIN, Kick
 from ellipsoid_coupling.schemes.sweeps import Runs, bundle_width, sweep_runs
 
 Floats = NDArray[np.float64]
@@ -60,3 +61,15 @@ def sweep(
     gone = sweep_runs(flux, flat, runs, stride, normal, ratio)
     if left is not None:
         left += gone
+
+
+def kick(fields: Floats, drift: Floats, change: Kick, turning: float = 0.0) -> None:
+    """V and omega of an r-grid become decay v + gain F; then phi += turning omega. In place."""
+    inner = interior(fields)
+    decays = change.decay, change.decay, change.spin_decay
+    gains = change.gain, change.gain, change.spin_gain
+    carried = (MOMENTUM_X, MOMENTUM_X + 1, SPIN)[: len(drift)]
+    for k, rate, decay, gain in zip(carried, drift, decays, gains, strict=False):
+        inner[k] = decay * inner[k] + gain * inner[RHO] * rate
+    if len(fields) > SPIN:
+        inner[ANGLE] += turning * inner[SPIN]

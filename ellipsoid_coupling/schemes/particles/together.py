@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,7 +51,7 @@ from ellipsoid_coupling.schemes.step_control import (
     equal_steps,
     reject,
 )
-from ellipsoid_coupling.sharing import shared
+from ellipsoid_coupling.sharing import pack, signed, unpack
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -174,12 +175,11 @@ def _leap(
         finite[k] = all_finite(state.velocity[k])
 
 
-_share_leaps = shared(_leap)
-
-
 @parallel_kernel
 def _leap_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
-    _share_leaps(blocks, arguments)
+    packed = pack(arguments)
+    for k in numba.prange(blocks):
+        _leap(signed(k), *unpack(packed))
 
 
 def advance_leapfrog(
@@ -256,12 +256,11 @@ def _measure(
     squared_errors(state, k, rates, limits, _trial_of(trial, k), dt, squares[k])
 
 
-_share_measures = shared(_measure)
-
-
 @parallel_kernel
 def _measure_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
-    _share_measures(blocks, arguments)
+    packed = pack(arguments)
+    for k in numba.prange(blocks):
+        _measure(signed(k), *unpack(packed))
 
 
 @kernel
@@ -294,12 +293,11 @@ def _step(
         _measure_one(found.squares, state, k, rates, limits, here, next_dt)
 
 
-_share_steps = shared(_step)
-
-
 @parallel_kernel
 def _step_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
-    _share_steps(blocks, arguments)
+    packed = pack(arguments)
+    for k in numba.prange(blocks):
+        _step(signed(k), *unpack(packed))
 
 
 @kernel

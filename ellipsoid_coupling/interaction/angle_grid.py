@@ -105,9 +105,13 @@ class AngleGridInteraction:
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
         self._transforms = Transforms(self._precision)
+        self._kept: Real | None = None
+        self._filled = slice(0), slice(0)
 
     def forces(self, density: Array, extents: Indices | None = None) -> AngleForces:
         """Force and torque of q `density` (angles, ny, nx), for quantity "forces".
+
+        The next call overwrites them: a new array would cost more than half of the transforms.
 
         extents : (angles, ny, 2) int64, optional
             First and end column of what every row holds; looked for if it is not known.
@@ -116,7 +120,10 @@ class AngleGridInteraction:
         return AngleForces(parts[0], parts[1], parts[2] if len(parts) == 3 else None)
 
     def potential(self, density: Array) -> Real:
-        """eps0 U * q of `density` (angles, ny, nx), (n, ny, nx), for quantity "potential"."""
+        """eps0 U * q of `density` (angles, ny, nx), (n, ny, nx), for quantity "potential".
+
+        The next call overwrites it.
+        """
         return np.asarray(self._integrals(density)[0])
 
     def _integrals(self, density: Array, extents: Indices | None = None) -> Real:
@@ -128,18 +135,26 @@ class AngleGridInteraction:
                 f"{density.shape}",
                 "Make the interaction anew for another grid.",
             )
-        shape = self._kernels.odd.size, self.angles, *self.grid_shape[1:]
-        out: Real = np.zeros(shape, self._precision)
+        out = self._emptied()
         if extents is None:
             extents = _occupied(density)
         rows = extents[..., 1] > 0
         if not rows.any():
             return out
         columns = slice(int(extents[rows, 0].min()), int(extents[..., 1].max()))
-        box = _span(_any(rows, 0)), columns
+        self._filled = box = _span(_any(rows, 0)), columns
         taking_part = _mirrored_angles(_any(_any(rows, 1).reshape(-1, self.angles), 0))
         self._convolve(density[:, *box], taking_part, out[:, :, *box])
         return out
+
+    def _emptied(self) -> Real:
+        """The result's memory, 0 all over: what the last call has filled is cleared."""
+        if self._kept is None:
+            shape = self._kernels.odd.size, self.angles, *self.grid_shape[1:]
+            self._kept = np.zeros(shape, self._precision)
+        self._kept[:, :, *self._filled] = 0.0
+        self._filled = slice(0), slice(0)
+        return self._kept
 
     def _convolve(self, density: Array, angles: _Angles, out: Real) -> None:
         """Of the rectangle `density` (angles, rows, columns) to `out` (components, n, ...)."""

@@ -123,7 +123,7 @@ class RGridEquation:
     ) -> None:
         """Move all fields along x and y, or y and x, for dt, boundary conditions included.
 
-        work : what is done to each row before and after, see `schemes.planes`.
+        work : what is done to each row before and after, see `schemes.row_work`.
         """
         reflecting = self._setup.terms.reflection
         plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())

@@ -13,24 +13,19 @@ Where a run of rows is cut into strips, so that all threads have some, a strip l
 its ends that another one changes. Copies of these are made before (and swept along x where x comes
 first): what comes out is that of two sweeps, bit for bit.
 
-What else is done to each row before and after, cell by cell (`register_row_work`), is done here on the
-way, while the row is in cache.
+What else is done to each row before and after, cell by cell (`row_work.py`), is done here on the way.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import (
-    KERNEL_OPTIONS,
     few_by_few,
     inline_kernel,
     parallel_kernel,
@@ -40,6 +35,7 @@ from ellipsoid_coupling.registers import DOUBLES
 from ellipsoid_coupling.schemes.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.schemes.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.schemes.row_work import work_on_row
 from ellipsoid_coupling.schemes.sweeps import (
     March,
     RowScratch,
@@ -57,7 +53,6 @@ from ellipsoid_coupling.tuples import Rows, fetch_piece, rows_at, whole_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_OPTIONS: Any = KERNEL_OPTIONS
 
 # Rows that x is ahead of y. The march begins with two rows below the first one, which at the edge are
 # ghosts that need the first two rows; and what has just been written is not read at once.
@@ -131,44 +126,6 @@ def whole_plane(padded: tuple[int, int], threads: int) -> tuple[Plane, Strips, I
     plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
     runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
     return plane, strips_of(runs, padded[1], threads), np.array([[[0, columns]] * rows])
-
-
-def work_on_row(work: Any, cells: Rows, j: int, width: int, strip: int) -> None:
-    """What is done to row j of a plane, besides transport; nothing for None.
-
-    Parameters
-    ----------
-    work : NamedTuple or None
-        Chooses what is done and holds what that needs.
-    cells : Rows
-        Its interior, all components, density first.
-    j, width : int
-        The row among those of the interior, and its cells.
-    strip : int
-        The number of the strip, each of which is worked on by one thread at a time.
-    """
-    del cells, j, width, strip
-    if work is not None:
-        raise TypeError(f"{type(work).__name__} is no registered work")
-
-
-def register_row_work(kind: type[Any], formula: Callable[..., None]) -> None:
-    """Make `formula`, an inline kernel, what is done to rows for a `work` of this type."""
-
-    def run(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> None:
-        formula(work, cells, j, width, strip)
-
-    def choose(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> Any:
-        del cells, j, width, strip
-        return run if getattr(work, "instance_class", None) is kind else None
-
-    overload(work_on_row, inline="always", strict=False, jit_options=_OPTIONS)(choose)
-
-
-@overload(work_on_row, inline="always", strict=False, jit_options=_OPTIONS)
-def _choose_no_work(work: Any, cells: Any, j: Any, width: Any, strip: Any) -> Any:
-    del cells, j, width, strip
-    return (lambda work, cells, j, width, strip: None) if work == types.none else None  # noqa: ARG005
 
 
 class _Whole(NamedTuple):
@@ -343,20 +300,19 @@ def _sweep_strip(
 
 
 @parallel_kernel
-def _sweep_planes(flux: Flux, whole: _Whole, before: Any, after: Any) -> None:
-    packed = pack((flux, whole, before, after))
-    for task in numba.prange(whole.copies.shape[0] * _COPIED):
-        flux_, whole_, before_, _ = unpack(packed)
-        _copy_beside_cut(signed(task), flux_, whole_, before_, row_scratch(whole_.plane.row))
-    for task in numba.prange(whole.strips.first.size):
-        flux_, whole_, before_, after_ = unpack(packed)
-        strips, row = whole_.strips, whole_.plane.row
-        march = March(strips.first[task], strips.length[task], strips.width[task], row)
+def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole, Any, Any]) -> None:
+    packed = pack(arguments)
+    for task in numba.prange(copies):
+        flux, whole, before, _ = unpack(packed)
+        _copy_beside_cut(signed(task), flux, whole, before, row_scratch(whole.plane.row))
+    for task in numba.prange(strips):
+        flux, whole, before, after = unpack(packed)
+        cut, row = whole.strips, whole.plane.row
+        march = March(cut.first[task], cut.length[task], cut.width[task], row)
         # Not beyond the last cell of all, where the march looks at the row above the last one.
-        left = whole_.fields.shape[1] - march.first - (march.length + 1) * row
-        room = march_room(whole_.y, min(whole_vectors(march.width), left))
-        work = before_, after_
-        _sweep_strip(signed(task), flux_, whole_, *work, march, row_scratch(row), room)
+        left = whole.fields.shape[1] - march.first - (march.length + 1) * row
+        room = march_room(whole.y, min(whole_vectors(march.width), left))
+        _sweep_strip(signed(task), flux, whole, before, after, march, row_scratch(row), room)
 
 
 def sweep_planes(
@@ -384,8 +340,8 @@ def sweep_planes(
         First column and end of what moves along x in each row; the end is 0 where nothing does.
     move : Move
     work : (NamedTuple or None, NamedTuple or None)
-        What is done to each row of a plane before transport and after it, see `work_on_row`; of planes
-        that are filled.
+        What is done to each row before transport and after it (`row_work.py`), of planes that are
+        filled.
 
     Returns
     -------
@@ -399,5 +355,5 @@ def sweep_planes(
     copies = np.empty((cuts, _COPIED, len(x), longest))
     whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone)
     with few_by_few(strips.first.size):
-        _sweep_planes(flux, whole, *work)
+        _sweep_planes(cuts * _COPIED, strips.first.size, (flux, whole, *work))
     return float(gone.sum())

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
+from ellipsoid_coupling.interaction.spectra import Real
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
@@ -112,16 +113,22 @@ class QSystem:
         if self.interaction is None:
             return self.walls
         forces = self.interaction.forces(inside(self.fields)[Q], self.extents)
-        if self.walls is not None:
-            for total, wall in zip(forces, self.walls, strict=True):
-                if total is not None and wall is not None:
-                    total += wall
-        return forces
+        if self.walls is None:
+            return forces
+        pairs = zip(forces, self.walls, strict=True)
+        return AngleForces(*(_sum(force, wall) for force, wall in pairs))
 
     def limits(self) -> Limits:
         """For `largest_step`: a part `cfl` of a cell in each direction of transport."""
         widths = [self.cfl * self.grid.width(axis) for axis in self.axes]
         return Limits(np.array(widths), float(np.sqrt(self.pressure)))
+
+
+def _sum(force: Real | None, wall: Real | None) -> Any:
+    """Both, in a new array of the force's precision; None where there is no force."""
+    if force is None or wall is None:
+        return force
+    return np.add(force, wall, out=np.empty_like(force), casting="same_kind")
 
 
 class QStepper(Protocol):

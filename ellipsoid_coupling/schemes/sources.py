@@ -34,7 +34,8 @@ from ellipsoid_coupling.schemes.drive import (
     outer_torque,
 )
 from ellipsoid_coupling.schemes.grid import GHOSTS
-from ellipsoid_coupling.schemes.planes import register_row_work, whole_plane
+from ellipsoid_coupling.schemes.planes import whole_plane
+from ellipsoid_coupling.schemes.row_work import register_row_work
 from ellipsoid_coupling.tuples import (
     Rows,
     Values,
@@ -314,7 +315,7 @@ def _kick_anew(
 def kick_anew(
     fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats, change: Kick
 ) -> Extremes:
-    """`set_drift`, `kick` and what `extremes` finds after that, in one pass over memory."""
+    """`set_drift`, a kick, and what `extremes` finds after that, in one pass over memory."""
     largest = np.zeros((min(drift.shape[1], _TASKS), 4))
     here = fields, *_parts(fields), terms, forces or NoForces(), drift
     _kick_anew(*here, change, largest)
@@ -393,18 +394,6 @@ def kick_anew_work(
     strips = whole_plane(fields.shape[1:], numba.get_num_threads())[1].first.size
     peaks = np.zeros((len(components) - 1, strips, drift.shape[2]))
     return KickAnewWork(terms, NoForces(), drift, rates, components[:-1], change, turning, peaks)
-
-
-@kernel
-def _kick_rows_anew(work: KickAnewWork, fields: Floats, components: tuple[int, ...]) -> None:
-    for j in range(work.drift.shape[1]):
-        _kick_row_anew(work, _cells(fields, components, j), j, work.drift.shape[2], 0)
-
-
-def kick_rows_anew(fields: Floats, work: KickAnewWork) -> Extremes:
-    """Work on all rows without transport, on one thread: for the start, where it is done once."""
-    _kick_rows_anew(work, fields, _parts(fields)[0])
-    return work.found()
 
 
 @parallel_kernel

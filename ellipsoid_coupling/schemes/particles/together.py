@@ -56,6 +56,9 @@ from ellipsoid_coupling.sharing import pack, signed, unpack
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+# Fewer samples take no longer on one thread, for which nothing more is to be compiled.
+_LEAST_SAMPLES = 2000
+
 
 class Alone(NamedTuple):
     """What acts on each sample by itself.
@@ -150,6 +153,22 @@ def _add_together(forces: Forces, place: Floats, force: Floats) -> int:
     return 0 if forces.together is None else forces.together(place, force)
 
 
+def _over_blocks(
+    task: Callable[..., None],
+    tasks: Callable[[int, tuple[Any, ...]], None],
+    place: Floats,
+    arguments: tuple[Any, ...],
+) -> None:
+    """Task(k, *arguments) for all blocks k of `place` (K, D, B): by all threads, if it is worth it."""
+    blocks, _, size = place.shape
+    if blocks * size < _LEAST_SAMPLES:
+        for k in range(blocks):
+            task(k, *arguments)
+    else:
+        with one_by_one():
+            tasks(blocks, arguments)
+
+
 @kernel
 def _leap(
     k: int,
@@ -203,8 +222,7 @@ def advance_leapfrog(
         here = state, step, rates, limits, dt, forces.alone, found
         together = 0
         for sets, moves in parts:
-            with one_by_one():
-                _leap_blocks(blocks, (*here, (sets, moves)))
+            _over_blocks(_leap, _leap_blocks, state.place, (*here, (sets, moves)))
             if not moves:
                 together = _add_together(forces, state.place, state.force)
         clock[OUTSIDE] = found[0].sum() + together
@@ -329,8 +347,7 @@ class _Exponential:
         """Finish step number `step`, dt long, and predict the next one; 0 for what is not to be done."""
         state, common = self.state, (self.rates, self.limits, self.trial)
         here = state, step, *common, (dt, next_dt), self.finite, self.found
-        with one_by_one():
-            _step_blocks(len(state.place), here)
+        _over_blocks(_step, _step_blocks, state.place, here)
         if not self.finite.all():
             state.clock[0, STATUS] = NOT_FINITE
 
@@ -341,8 +358,7 @@ class _Exponential:
         if self.forces.together is not None:
             outside += self.forces.together(trial.folded, trial.force)
             here = state, self.rates, self.limits, trial, dt, self.squares
-            with one_by_one():
-                _measure_blocks(len(state.place), here)
+            _over_blocks(_measure, _measure_blocks, state.place, here)
         seen, error, kind = _worst_of(self.found.outside, self.squares, self.limits.tolerance)
         state.clock[0, OUTSIDE] = outside + seen
         return error, kind

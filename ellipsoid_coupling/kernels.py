@@ -147,7 +147,7 @@ def few_by_few(tasks: int) -> AbstractContextManager[None]:
 
 
 def one_by_one() -> AbstractContextManager[None]:
-    """Inside, threads take one task after another: mass is in some of them, and all shall have a share."""
+    """Inside, threads take one task after another: these differ in length, or threads in speed."""
     chunks: AbstractContextManager[None] = numba.parallel_chunksize(1)
     return chunks
 
@@ -170,8 +170,8 @@ def _threads(count: int) -> ThreadPoolExecutor:
 def for_each(count: int, task: Callable[[int], None]) -> None:
     """Run ``task(0) .. task(count - 1)`` on numba's number of threads; tasks must be independent.
 
-    For kernels that release the lock of Python and take nested tuples, which ``prange`` cannot. The
-    calling thread takes its share. Numba's own lock sees to it that a kernel is compiled once.
+    For what Python does as well, and kernels that release its lock. The calling thread takes its share.
+    Numba's own lock sees to it that a kernel is compiled once.
     """
     # One iterator for all threads, which hands out each number once: a job a thread, not one a task.
     left = iter(range(count))

@@ -3,9 +3,14 @@
 Such loops (`prange`) take numbers, arrays and flat tuples of these from what stands before them. Tuples
 of tuples go in packed:
 
-    packed = pack((state, rates, limits))
-    for k in numba.prange(count):
-        _step(signed(k), *unpack(packed))
+    @parallel_kernel
+    def _step_all(count, arguments):
+        packed = pack(arguments)
+        for k in numba.prange(count):
+            _step(signed(k), *unpack(packed))
+
+Only what the kernel was given: numba gives up what it has made itself as soon as it is packed. And an
+array goes in packed or as it is, not both ways: numba believes that what it sees is all there is.
 
 To hand work over like this takes 3 us; with Python's threads, which `kernels.for_each` uses, 70 us.
 """
@@ -39,7 +44,7 @@ def signed(k: int) -> int:
 
 
 def pack(value: Any) -> Any:
-    """`value` for the loops below, in the function that packs it; in Python as it is."""
+    """An argument of this kernel for its shared loops; in Python as it is."""
     return value
 
 

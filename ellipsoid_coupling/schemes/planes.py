@@ -6,8 +6,8 @@ the rows are in cache:
 
     x first                                    y first
     row j + 2   swept along x now              row j       swept along y now
-    row j       swept along y now              row j - 1   its ghosts are filled
-    row j - 1   done                           row j - 2   swept along x now
+    row j       swept along y now              row j - 1   as y has left it
+    row j - 1   done                           row j - 2   swept along x now, its ghosts filled
 
 Where a run of rows is cut into strips, so that all threads have some, a strip looks at two rows beyond
 its ends that another one changes. Copies of these are made before (and swept along x where x comes
@@ -288,7 +288,7 @@ def _sweep_strip(
             whole.gone[a, plane.rows + 1] = through
         if not move.x_first:
             _fetch_half(whole, march, row + coming, 1)
-        # Behind the row that has just been written: it is not read at once.
+        # X follows a row behind y: what has just been written is not read at once.
         while done < (row if row == length or move.x_first else row - 1):
             if not move.x_first:
                 cells = rows_at(whole.fields, whole.x, start + done * plane.row)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.interaction.angle_spectra import Quantity
+from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.spectra import Real
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
@@ -62,6 +63,8 @@ class QSystem:
         The density up to which a cell counts as empty.
     left : (1,) float64
         What has left through open boundaries, in units of a cell's density.
+    room : KeptArrays
+        Memory for forces with walls.
     """
 
     grid: QGrid
@@ -76,6 +79,7 @@ class QSystem:
     extents: Extents = field(init=False)
     vacuum: float = field(init=False)
     left: Floats = field(init=False)
+    room: KeptArrays = field(init=False, default_factory=KeptArrays)
 
     def __post_init__(self) -> None:
         # The density that mass 1 has all over the grid, a small part of it.
@@ -109,26 +113,29 @@ class QSystem:
             self.transport(flux, -3, dt)
 
     def forces(self) -> AngleForces | None:
-        """Interaction and walls at the present density; None without either."""
+        """Interaction and walls at the present density; None without either.
+
+        The next call overwrites them.
+        """
         if self.interaction is None:
             return self.walls
         forces = self.interaction.forces(inside(self.fields)[Q], self.extents)
         if self.walls is None:
             return forces
-        pairs = zip(forces, self.walls, strict=True)
-        return AngleForces(*(_sum(force, wall) for force, wall in pairs))
+        parts = enumerate(zip(forces, self.walls, strict=True))
+        return AngleForces(*(self._sum(f"force {k}", *both) for k, both in parts))
+
+    def _sum(self, name: str, force: Real | None, wall: Real | None) -> Any:
+        """Both, in the force's precision; None where there is no force."""
+        if force is None or wall is None:
+            return force
+        out = self.room.array(name, force.shape, force.dtype)
+        return np.add(force, wall, out=out, casting="same_kind")
 
     def limits(self) -> Limits:
         """For `largest_step`: a part `cfl` of a cell in each direction of transport."""
         widths = [self.cfl * self.grid.width(axis) for axis in self.axes]
         return Limits(np.array(widths), float(np.sqrt(self.pressure)))
-
-
-def _sum(force: Real | None, wall: Real | None) -> Any:
-    """Both, in a new array of the force's precision; None where there is no force."""
-    if force is None or wall is None:
-        return force
-    return np.add(force, wall, out=np.empty_like(force), casting="same_kind")
 
 
 class QStepper(Protocol):

@@ -263,6 +263,26 @@ def test_restart_bit_for_bit_and_threads() -> None:
         assert np.array_equal(values, second.snapshot()[name]), name
 
 
+@pytest.mark.parametrize(
+    ("scheme", "interaction"), [("paper", False), ("paper", True), ("accurate", True)]
+)
+def test_shared_blocks_have_the_bits_of_blocks_one_by_one(
+    monkeypatch: pytest.MonkeyPatch, scheme: SchemeName, interaction: bool
+) -> None:
+    """With noise, over a call of `advance`; many samples in many blocks are always shared."""
+    noise = {"noise": 0.5, "angular_noise": 0.5}
+    settings: dict[str, Any] = {} if interaction else {"interaction": None}
+    scene = scene_with(particles=particles(50), noise=noise, **settings)
+    found = []
+    for least in (0, 10**6):
+        monkeypatch.setattr("ellipsoid_coupling.schemes.particles.together._LEAST_SAMPLES", least)
+        model = model_of("mckean_vlasov", scene, scheme, realisations=5)
+        model.advance(1.0)
+        found.append(model.state())
+    for name, values in found[0].items():
+        assert np.array_equal(values, found[1][name]), name
+
+
 def test_walls_and_even_points_in_the_cavity(rotation_flow: FlowField) -> None:
     # 2 x 450 samples become 30 x 30, symmetric about the box's centre; walls keep all inside.
     scene = scene_with(

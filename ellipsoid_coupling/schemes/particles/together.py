@@ -56,8 +56,8 @@ from ellipsoid_coupling.sharing import pack, signed, unpack
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Fewer samples take no longer on one thread, for which nothing more is to be compiled.
-_LEAST_SAMPLES = 2000
+# Fewer samples in a few blocks take no longer on one thread, for which nothing more is to be compiled.
+_LEAST_SAMPLES, _FEW_BLOCKS = 2000, 8
 
 
 class Alone(NamedTuple):
@@ -161,7 +161,7 @@ def _over_blocks(
 ) -> None:
     """Task(k, *arguments) for all blocks k of `place` (K, D, B): by all threads, if it is worth it."""
     blocks, _, size = place.shape
-    if blocks * size < _LEAST_SAMPLES:
+    if blocks == 1 or (blocks <= _FEW_BLOCKS and blocks * size < _LEAST_SAMPLES):
         for k in range(blocks):
             task(k, *arguments)
     else:
@@ -222,7 +222,8 @@ def advance_leapfrog(
         here = state, step, rates, limits, dt, forces.alone, found
         together = 0
         for sets, moves in parts:
-            _over_blocks(_leap, _leap_blocks, state.place, (*here, (sets, moves)))
+            if moves or forces.alone is not None:
+                _over_blocks(_leap, _leap_blocks, state.place, (*here, (sets, moves)))
             if not moves:
                 together = _add_together(forces, state.place, state.force)
         clock[OUTSIDE] = found[0].sum() + together

@@ -33,8 +33,8 @@ Floats = NDArray[np.float64]
 
 # A step that turns a cell by more than this (radian) does not resolve the torque.
 _LARGEST_TURN = 0.5
-# So many cells do not fit into the cache (8 MB for 64,000). Where none feels the others, all is done to
-# them in one pass over memory then: a quarter less, for 10 seconds more of compiling.
+# So many cells, of some 100 bytes each, do not fit into the cache. Where none feels the others, all is
+# done to them in one pass over memory then: a quarter less time, for some seconds more of compiling.
 _MANY_CELLS = 300_000
 
 

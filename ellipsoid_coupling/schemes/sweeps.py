@@ -298,6 +298,13 @@ def _stepped_row(below: Rows, components: tuple[int, ...], row: int, room: Float
 
 
 @inline_kernel
+def _kept_in(flux: Flux, components: tuple[int, ...], room: Floats) -> _Room:
+    """What the march has kept of the rows before."""
+    ups = kept_for(flux, rows_at(room[2], components, 0))
+    return _Room(rows_at(room[1], components, 0), ups, room[3, 0], room[3, 1])
+
+
+@inline_kernel
 def _passed(march: March, row: int, room: Floats) -> float:
     """The mass that has left through the end that has been passed, less what came in."""
     if row in (0, march.length):
@@ -323,9 +330,7 @@ def step_march(
     Returns the mass that has left through the end that has been passed, less what came in.
     """
     below = _stepped_row(rows[0], components, row, room)
-    faces = rows_at(room[1], components, 0)
-    ups = kept_for(flux, rows_at(room[2], components, 0))
-    kept = _Room(faces, ups, room[3, 0], room[3, 1])
+    kept = _kept_in(flux, components, room)
     _across(flux, (below, rows[1], rows[2]), cell, march.stride, march.width, ratio, kept)
     return _passed(march, row, room)
 
@@ -344,14 +349,13 @@ def _step_march_in_pieces(
 ) -> float:
     """`step_march`, which asks for the row that is `coming` piece by piece on the way."""
     below, here, above = _stepped_row(rows[0], components, row, room), rows[1], rows[2]
-    faces = rows_at(room[1], components, 0)
-    ups = kept_for(flux, rows_at(room[2], components, 0))
+    faces, ups, before, middle = _kept_in(flux, components, room)
     size, piece = room.shape[2], piece_of(len(components))
     for first in range(0, size, piece):
         fetch_piece(onwards(coming, first), piece)
         part = slice(first, min(first + piece, size))
         three = onwards(below, first), onwards(here, first), onwards(above, first)
-        kept = onwards(faces, first), onwards(ups, first), room[3, 0, part], room[3, 1, part]
+        kept = onwards(faces, first), onwards(ups, first), before[part], middle[part]
         left = march.width - first
         _across(flux, three, cell + first, march.stride, left, ratio, _Room(*kept))
     return _passed(march, row, room)

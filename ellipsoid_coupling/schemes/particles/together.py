@@ -355,9 +355,8 @@ class _Exponential:
     def examine(self, dt: float) -> tuple[float, int]:
         """The drift at what is predicted; the error estimate over the tolerance, and its kind."""
         state, trial = self.state, self.trial
-        outside = 0
+        outside = _add_together(self.forces, trial.folded, trial.force)
         if self.forces.together is not None:
-            outside += self.forces.together(trial.folded, trial.force)
             here = state, self.rates, self.limits, trial, dt, self.squares
             _over_blocks(_measure, _measure_blocks, state.place, here)
         seen, error, kind = _worst_of(self.found.outside, self.squares, self.limits.tolerance)

@@ -35,6 +35,8 @@ _THREE = _uni_tuple(types.float64, 3)
 
 # Real and imaginary part at two frequencies.
 _PARTS = 4
+# Sums of `sum_rows` that are taken together: so many rows of so many lines.
+_ROWS, _LINES = 4, 2
 
 Four = tuple[float, float, float, float]
 
@@ -79,9 +81,8 @@ def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: An
         with _counted_loop(builder, lines) as over_lines:
             line = over_lines.index
             first_source = builder.mul(line, terms)
-            pairs = builder.sdiv(builder.add(terms, terms.type(1)), terms.type(2))
-            with _counted_loop(builder, pairs) as over_pairs:
-                targets = _pair(builder, over_pairs.index, terms)
+            with _counted_loop(builder, _shares(builder, terms, 2)) as over_pairs:
+                targets = _some(builder, over_pairs.index, terms, 2)
                 for total in itertools.chain(*totals):
                     builder.store(nothing, total)
                 rows = []
@@ -102,13 +103,6 @@ def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: An
         return context.get_dummy_value()
 
     return types.none(factors, which, sources, sums), generate
-
-
-def _pair(builder: Any, index: Any, count: Any) -> tuple[Any, Any]:
-    """Two of `count` things; the last one of an odd number twice, which has the same result."""
-    first = _times(builder, index, 2)
-    second = builder.add(first, first.type(1))
-    return first, builder.select(builder.icmp_signed("<", second, count), second, first)
 
 
 def _add_products(
@@ -157,6 +151,93 @@ def _choose_sum_products(factors: Any, which: Any, sources: Any, sums: Any) -> A
     return lambda factors, which, sources, sums: _compiled_sum_products(
         factors, which, sources, sums
     )
+
+
+def sum_rows(weights: Any, rows: Any, sums: Any) -> None:
+    """sums[i] = sum_j weights[i, j] rows[j].
+
+    A matrix product for small matrices in cache: four sums and two cache lines at a time, so that
+    every number that is read serves several times.
+
+    Parameters
+    ----------
+    weights : (n, terms) float32 or float64
+        Contiguous, like all the others, which are of the same kind.
+    rows : (terms, columns)
+        A multiple of the numbers in a cache line, `LINE` bytes.
+    sums : (n, columns)
+        Overwritten.
+    """
+    sums[:] = weights @ rows
+
+
+def _sum_rows(context: Any, weights: Any, rows: Any, sums: Any) -> Any:
+    """The type of `sum_rows`, and LLVM's instructions: 4 x 2 sums in registers."""
+    del context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        weight, row, total = (
+            context.make_array(kind)(context, builder, value)
+            for kind, value in zip(signature.args, arguments, strict=True)
+        )
+        number = context.get_value_type(rows.dtype)
+        vector = ir.VectorType(number, LINE * 8 // rows.dtype.bitwidth)
+        nothing = ir.Constant(vector, [0.0] * vector.count)
+        row_data, sum_data = (
+            builder.bitcast(array.data, vector.as_pointer()) for array in (row, total)
+        )
+        terms, columns = _unpack(builder, row.shape, 2)
+        count = _unpack(builder, total.shape, 2)[0]
+        lines = builder.sdiv(columns, columns.type(vector.count))
+        totals = [[_variable(builder, vector) for _ in range(_LINES)] for _ in range(_ROWS)]
+        with _counted_loop(builder, _shares(builder, lines, _LINES)) as over_lines:
+            here = _some(builder, over_lines.index, lines, _LINES)
+            with _counted_loop(builder, _shares(builder, count, _ROWS)) as over_rows:
+                targets = _some(builder, over_rows.index, count, _ROWS)
+                for sum_here in itertools.chain(*totals):
+                    builder.store(nothing, sum_here)
+                begins = [builder.mul(target, terms) for target in targets]
+                with _counted_loop(builder, terms) as over_terms:
+                    first = builder.mul(over_terms.index, lines)
+                    values = [_load_line(builder, row_data, builder.add(first, k)) for k in here]
+                    for begin, sums_here in zip(begins, totals, strict=True):
+                        place = builder.gep(weight.data, [builder.add(begin, over_terms.index)])
+                        factor = _emit_alike(builder, builder.load(place), vector)
+                        for value, sum_here in zip(values, sums_here, strict=True):
+                            more = _emit_fma(builder, factor, value, builder.load(sum_here))
+                            builder.store(more, sum_here)
+                for target, sums_here in zip(targets, totals, strict=True):
+                    first = builder.mul(target, lines)
+                    for k, sum_here in zip(here, sums_here, strict=True):
+                        place = builder.gep(sum_data, [builder.add(first, k)])
+                        builder.store(builder.load(sum_here), place).align = _bytes(vector)
+        return context.get_dummy_value()
+
+    return types.none(weights, rows, sums), generate
+
+
+def _shares(builder: Any, count: Any, size: int) -> Any:
+    """How many shares of `size` are all of `count`, the last one not full."""
+    return builder.sdiv(builder.add(count, count.type(size - 1)), count.type(size))
+
+
+def _some(builder: Any, share: Any, count: Any, size: int) -> list[Any]:
+    """The things of one share; the last one again where none is left, which has the same result."""
+    last = builder.sub(count, count.type(1))
+    first = _times(builder, share, size)
+    each = [builder.add(first, first.type(k)) for k in range(size)]
+    return [builder.select(builder.icmp_signed("<", k, count), k, last) for k in each]
+
+
+_compiled_sum_rows: Any = intrinsic(_sum_rows)
+
+
+@overload(sum_rows, inline="always", strict=False)
+def _choose_sum_rows(weights: Any, rows: Any, sums: Any) -> Any:
+    arrays = weights, rows, sums
+    if any(array.layout != "C" or array.dtype != rows.dtype for array in arrays):
+        return None
+    return lambda weights, rows, sums: _compiled_sum_rows(weights, rows, sums)
 
 
 def sum_stencil(
@@ -336,11 +417,11 @@ def _emit_load(builder: Any, data: Any, place: Any) -> Any:
     return builder.fpext(value, _VECTOR) if single else value
 
 
-def _emit_alike(builder: Any, value: Any) -> Any:
+def _emit_alike(builder: Any, value: Any, vector: Any = _VECTOR) -> Any:
     """A vector of the same number."""
-    empty = ir.Constant(_VECTOR, ir.Undefined)
+    empty = ir.Constant(vector, ir.Undefined)
     one = builder.insert_element(empty, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, empty, _places(0 for _ in range(DOUBLES)))
+    return builder.shuffle_vector(one, empty, _places(0 for _ in range(vector.count)))
 
 
 def _emit_sum(builder: Any, vector: Any) -> Any:

@@ -16,6 +16,7 @@ from ellipsoid_coupling.registers import (
     Four,
     add_stencil,
     sum_products,
+    sum_rows,
     sum_stencil,
 )
 
@@ -25,6 +26,11 @@ Kind = type[np.float32] | type[np.float64]
 @kernel
 def compiled_sum(factors: Any, which: Any, sources: Any, sums: Any) -> None:
     sum_products(factors, which, sources, sums)
+
+
+@kernel
+def compiled_rows(weights: Any, rows: Any, sums: Any) -> None:
+    sum_rows(weights, rows, sums)
 
 
 @kernel
@@ -58,6 +64,36 @@ def test_sums_of_products_take_contiguous_arrays_only() -> None:
     factors, sources = np.zeros((2, 3, 3, 16)), np.zeros((2, 3, 4, 8))
     with pytest.raises(TypingError):
         compiled_sum(factors[..., ::2], np.arange(3), sources, np.zeros((3, 4, 16)))
+
+
+@pytest.mark.parametrize(("kind", "exact"), [(np.float32, 1e-6), (np.float64, 1e-15)])
+@pytest.mark.parametrize(
+    ("count", "terms", "lines"),
+    [(1, 1, 1), (4, 3, 2), (5, 7, 3), (15, 29, 14), (3, 0, 2), (0, 2, 1)],
+)
+def test_sums_of_rows(kind: Kind, exact: float, count: int, terms: int, lines: int) -> None:
+    """A matrix product, also where sums or lines are left over; alike to rounding of the largest term."""
+    lanes = LINE // np.dtype(kind).itemsize
+    rng = np.random.default_rng(count)
+    weights = rng.standard_normal((count, terms)).astype(kind)
+    rows = rng.standard_normal((terms, lines * lanes)).astype(kind)
+    found = np.full((count + 1, lines * lanes), np.nan, kind)
+    compiled_rows(weights, rows, found[:count])
+    assert np.isnan(found[count]).all()
+    expected = weights.astype(np.float64) @ rows.astype(np.float64)
+    assert np.allclose(found[:count], expected, rtol=0.0, atol=10 * exact * max(terms, 1))
+    sum_rows(weights, rows, found[:count])
+    assert np.allclose(found[:count], expected, rtol=0.0, atol=10 * exact * max(terms, 1))
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_sums_of_rows_take_contiguous_arrays_of_one_kind_only(which: int) -> None:
+    arrays = [np.zeros((3, 5)), np.zeros((5, 8)), np.zeros((3, 8))]
+    single = [array.astype(np.float32) if k == which else array for k, array in enumerate(arrays)]
+    arrays[which] = np.zeros((2 * arrays[which].shape[0], arrays[which].shape[1]))[::2]
+    for wrong in (arrays, single):
+        with pytest.raises(TypingError):
+            compiled_rows(*wrong)
 
 
 def weights(rng: np.random.Generator) -> Four:

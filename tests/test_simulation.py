@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import tomllib
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import xarray as xr
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.models import build_model, model_names
 from ellipsoid_coupling.result import DIMENSIONS, Layout, Result
 from ellipsoid_coupling.scenes import Scene
 
@@ -23,14 +26,14 @@ MODELS = [("microscopic", "paper"), ("microscopic", "accurate"), ("rho_mono_kine
 EACH = pytest.mark.parametrize(("model", "scheme"), MODELS)
 
 
-def small_scene(settings: dict[str, Any] | None = None) -> Scene:
+def small_scene(settings: dict[str, Any] | None = None, name: str = "rotation") -> Scene:
     small = {
         "particles.number": 40,
         "particles.realisations": 2,
         "numerics.cell": 0.1,
         "times": [0.1, 0.3],
     }
-    return ec.load_scene("rotation", small | (settings or {}))
+    return ec.load_scene(name, small | (settings or {}))
 
 
 @EACH
@@ -86,6 +89,29 @@ def test_compile_time_is_not_wall_time() -> None:
     """Run twice in one process: the second compiles nothing."""
     ec.simulate(small_scene(), "microscopic")
     assert ec.simulate(small_scene(), "microscopic").attributes["compile_seconds"] == 0.0
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_a_run_that_is_over_leaves_its_memory(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once, not when garbage is collected: the next run would ask the system for new memory."""
+    built: list[weakref.ref[Any]] = []
+
+    def build(*details: Any) -> Any:
+        made = build_model(*details)
+        built.append(weakref.ref(made))
+        return made
+
+    monkeypatch.setattr(module, "build_model", build)
+    name = "stationary" if model == "stationary_state" else "rotation"
+    scene = small_scene({"times": [0.1], "numerics.angle_cells": 12}, name)
+    # While kernels are compiled, the compiler refers to their arguments.
+    ec.simulate(scene, model)
+    gc.disable()
+    try:
+        ec.simulate(scene, model)
+        assert built[-1]() is None
+    finally:
+        gc.enable()
 
 
 def test_results_of_all_models_share_bins() -> None:

@@ -49,7 +49,7 @@ class Sizes:
     rho_cells: int = 200
     memory: int = 20_000_000
     scene_cell: float = 0.02
-    scene_time: float = 0.9
+    scene_times: tuple[float, ...] = (0.3, 0.5, 0.9)
     cavity_cell: float = 0.005
     start: bool = True
 
@@ -57,7 +57,7 @@ class Sizes:
     def quick(cls) -> Self:
         """Seconds instead of minutes."""
         return cls(
-            1, 1, 100, 4, (1000, 2000), (1000, 2000), 16, 8, 24, 10**5, 0.1, 0.1, 0.05, False
+            1, 1, 100, 4, (1000, 2000), (1000, 2000), 16, 8, 24, 10**5, 0.1, (0.1,), 0.05, False
         )
 
 

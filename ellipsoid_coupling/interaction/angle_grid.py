@@ -25,6 +25,7 @@ from ellipsoid_coupling.interaction.angle_spectra import (
     distinct_angles,
 )
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
+from ellipsoid_coupling.interaction.ladder import Ladder
 from ellipsoid_coupling.interaction.spectra import (
     Complex,
     Indices,
@@ -104,9 +105,10 @@ class AngleGridInteraction:
         sign = -1.0 if quantity == "forces" else 1.0
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
+        self._ladder = Ladder(grid_shape[1:], self._kernels.cells, self._kernels)
         self._transforms = Transforms(self._precision)
         self._kept: Real | None = None
-        self._filled = slice(0), slice(0)
+        self._filled: tuple[slice, slice] | None = None
 
     def forces(self, density: Array, extents: Indices | None = None) -> AngleForces:
         """Force and torque of q `density` (angles, ny, nx), for quantity "forces".
@@ -135,41 +137,43 @@ class AngleGridInteraction:
                 f"{density.shape}",
                 "Make the interaction anew for another grid.",
             )
-        out = self._emptied()
         if extents is None:
             extents = _occupied(density)
-        rows = extents[..., 1] > 0
-        if not rows.any():
-            return out
-        columns = slice(int(extents[rows, 0].min()), int(extents[..., 1].max()))
-        self._filled = box = _span(_any(rows, 0)), columns
-        taking_part = _mirrored_angles(_any(_any(rows, 1).reshape(-1, self.angles), 0))
-        self._convolve(density[:, *box], taking_part, out[:, :, *box])
+        box = box_of(extents)
+        if box is None:
+            return self._emptied(None)
+        holding = _any(extents[..., 1] > 0, 1)
+        angles = _mirrored_angles(_any(holding.reshape(-1, self.angles), 0))
+        out = self._emptied(box if angles.which.size == self.angles else None)
+        self._filled = box
+        self._convolve(density[:, *box], angles, out[:, :, *box])
         return out
 
-    def _emptied(self) -> Real:
-        """The result's memory, 0 all over: what the last call has filled is cleared."""
+    def _emptied(self, box: tuple[slice, slice] | None) -> Real:
+        """The result's memory, 0 all over, but for the `box` of cells that will be overwritten."""
         if self._kept is None:
             shape = self._kernels.odd.size, self.angles, *self.grid_shape[1:]
             self._kept = np.zeros(shape, self._precision)
-        self._kept[:, :, *self._filled] = 0.0
-        self._filled = slice(0), slice(0)
+        elif self._filled is not None and not (box and _holds(box, self._filled)):
+            self._kept[:, :, *self._filled] = 0.0
+        self._filled = None
         return self._kept
 
     def _convolve(self, density: Array, angles: _Angles, out: Real) -> None:
         """Of the rectangle `density` (angles, rows, columns) to `out` (components, n, ...)."""
         _, rows, columns = density.shape
         folds = density.reshape(-1, self.angles, rows, columns)
-        blocks, padded = self._kernels.spectra(rows, columns)
+        blocks, padded = self._ladder.fitting(rows, columns)
+        # All of them are a view of the array.
+        which = slice(None) if angles.which.size == self.angles else angles.which
 
         def sources(part: slice) -> Real:
             # The angle cells that are one to the potential are added up.
-            folded: Array = folds[:, angles.which, part].sum(axis=0)
+            folded: Array = folds[:, which, part].sum(axis=0)
             return folded.astype(self._precision)
 
         def take(part: slice, fields: Real) -> None:
-            for k, angle in enumerate(angles.which):
-                out[:, angle, part] = fields[:, k, :, :columns]
+            out[:, which, part] = fields[..., :columns]
 
         transforms = self._transforms
         waves = transforms.forward(angles.which.size, rows, padded, sources)
@@ -187,10 +191,21 @@ def _any(held: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
     return np.asarray(held.any(axis=axis))
 
 
-def _span(held: NDArray[np.bool_]) -> slice:
-    """From the first to the last that is held."""
-    which = np.flatnonzero(held)
-    return slice(int(which[0]), int(which[-1]) + 1)
+def box_of(extents: Indices) -> tuple[slice, slice] | None:
+    """The rectangle (rows, columns) outside which no angle holds mass; None if there is none.
+
+    extents : (angles, ny, 2) int64, first and end column of what every row holds; end 0 if nothing.
+    """
+    held = extents[..., 1] > 0
+    rows = np.flatnonzero(_any(held, 0))
+    if rows.size == 0:
+        return None
+    columns = int(extents[held, 0].min()), int(extents[..., 1].max())
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(*columns)
+
+
+def _holds(outer: tuple[slice, slice], inner: tuple[slice, slice]) -> bool:
+    return all(a.start <= b.start and b.stop <= a.stop for a, b in zip(outer, inner, strict=True))
 
 
 @parallel_kernel

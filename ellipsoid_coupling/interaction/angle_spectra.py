@@ -10,7 +10,7 @@ Angle cells are centred on multiples of their width, so that y -> -y maps cell a
     K_ab(k_x, -k_y) = +-K_{-a,-b}(k_x, k_y)
 
 and ky >= 0 is enough. Mass that fills a part of the grid needs shorter transforms only: the sampled
-kernels are kept (`AngleKernels`), and their spectra made for one length of a `Ladder` at a time.
+kernels are kept (`AngleKernels`), and transformed to one length of a `Ladder` at a time.
 """
 
 from __future__ import annotations
@@ -22,39 +22,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.instructions import fused
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
-from ellipsoid_coupling.interaction.ladder import Ladder
+from ellipsoid_coupling.interaction.ladder import longest_lengths
 from ellipsoid_coupling.interaction.spectra import (
     Indices,
+    Lengths,
     Precision,
     Real,
-    in_lines,
     lines_and_lanes,
 )
 from ellipsoid_coupling.kernels import kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
+from ellipsoid_coupling.registers import sum_rows
 
 Quantity = Literal["forces", "potential"]
 
 # Blocks larger than this are not made.
 MOST_BYTES = 3e9
-
-
-class AngleSpectra(NamedTuple):
-    """The transformed kernels.
-
-    Attributes
-    ----------
-    blocks : (Py//2 + 1, components, lines, n, n, lanes) float64 or float32
-        Axis order (ky, component, kx, target angle, source angle, kx), see `lines_and_lanes`;
-        without the factor i of the force; scaled with the given factor.
-    padded : (Py, Px)
-        Lengths of the transforms, even.
-    """
-
-    blocks: Real
-    padded: tuple[int, int]
 
 
 class _Component(NamedTuple):
@@ -81,7 +65,7 @@ def distinct_angles(angles: int, shape: PotentialShape) -> int:
 
 
 class AngleKernels:
-    """`scale` times the potential's gradient, or the potential, and its spectra.
+    """`scale` times the potential's gradient, or the potential, to be transformed to any length.
 
     Parameters
     ----------
@@ -100,6 +84,9 @@ class AngleKernels:
     ----------
     odd, mirrored : (components,) int64
         1 where the kernel is odd in delta, else 0; its sign, 1 or -1, under y -> -y.
+    cells : int
+        Reach of the potential in cells.
+    precision
 
     Raises
     ------
@@ -118,34 +105,44 @@ class AngleKernels:
     ) -> None:
         angles, ny, nx = grid_shape
         widths = half_widths(shape, h)
-        self._cells, self._precision = widths.size - 1, precision
-        self._ladder = Ladder((ny, nx), self._cells, self._make)
+        self.precision, self.cells = precision, widths.size - 1
         torque = () if shape.shape_factor == 0.0 else _TORQUE
         self._components = _POTENTIAL if quantity == "potential" else _FORCE + torque
         self.odd, self.mirrored = np.array([[c.odd, c.mirrored] for c in self._components]).T.copy()
-        n = distinct_angles(angles, shape)
-        _check_memory(self._block_shape(self._ladder.longest, n), grid_shape, precision)
+        self._angles = n = distinct_angles(angles, shape)
+        longest = longest_lengths((ny, nx), self.cells)
+        _check_memory(self.block_shape(longest), grid_shape, precision)
         double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
         turned = np.cos(double), np.sin(double)
-        offsets = self._cells + 1, 2 * self._cells + 1
+        offsets = widths.size, 2 * widths.size - 1
         self._samples = np.zeros((len(self._components), n, n, *offsets))
         for component, samples in zip(self._components, self._samples, strict=True):
             _sample(h, widths, tuple(shape), *turned, component.entry, samples)
         self._samples *= scale
 
-    def _block_shape(self, padded: tuple[int, int], n: int) -> tuple[int, ...]:
-        lines, lanes = lines_and_lanes(padded[1] // 2 + 1, self._precision)
-        return padded[0] // 2 + 1, len(self._components), lines, n, n, lanes
+    def block_shape(self, padded: Lengths) -> tuple[int, ...]:
+        """See `Spectra`."""
+        lines, lanes = lines_and_lanes(padded[1] // 2 + 1, self.precision)
+        return padded[0] // 2 + 1, len(self._components), lines, self._angles, self._angles, lanes
 
-    def spectra(self, rows: int, columns: int) -> AngleSpectra:
-        """For so many rows and columns of occupied cells; see `Ladder`."""
-        return self._ladder.fitting(rows, columns)
+    def transform(self, padded: Lengths, blocks: Real) -> None:
+        """The cosine or sine sum over all offsets, to `blocks` of `block_shape`.
 
-    def _make(self, padded: tuple[int, int]) -> AngleSpectra:
-        n = self._samples.shape[1]
-        blocks: Real = np.empty(self._block_shape(padded, n), self._precision)
-        _transform(self._samples, padded, self.odd, blocks)
-        return AngleSpectra(blocks, padded)
+        Offsets with j < 0 mirror those with j > 0, which therefore count twice.
+        """
+        cells, lanes = self._samples.shape[3] - 1, blocks.shape[5]
+        kx, ky = np.arange(blocks.shape[2] * lanes), np.arange(blocks.shape[0])
+        along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
+        # Frequencies that only fill the last line.
+        along[..., padded[1] // 2 + 1 :] = 0.0
+        by_turns = along.reshape(2, 2 * cells + 1, -1, lanes).transpose(1, 2, 0, 3)
+        cosine, sine = _waves(np.arange(cells + 1), ky, padded[0]).swapaxes(1, 2)
+        for wave in (cosine, sine):
+            wave[:, 1:] *= 2.0
+        # cos(a + b) and sin(a + b) from those of a and b.
+        across = np.array([np.hstack([cosine, -sine]), np.hstack([sine, cosine])])
+        columns = by_turns.reshape(2 * cells + 1, -1)
+        _add_rows(self._samples, columns, across, self.odd, blocks)
 
 
 def _check_memory(
@@ -161,68 +158,40 @@ def _check_memory(
         )
 
 
-def _transform(samples: Array, padded: tuple[int, int], odd: Indices, blocks: Real) -> None:
-    """The cosine or sine sum of half the offsets, (components, n, n, R + 1, 2 R + 1), to `blocks`.
-
-    Offsets with j < 0 mirror those with j > 0, which therefore count twice.
-    """
-    cells = samples.shape[3] - 1
-    kx, ky = np.arange(blocks.shape[2] * blocks.shape[5]), np.arange(blocks.shape[0])
-    along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
-    # Frequencies that only fill the last line.
-    along[..., padded[1] // 2 + 1 :] = 0.0
-    cosine, sine = _waves(np.arange(cells + 1), ky, padded[0])
-    # cos(a + b) and sin(a + b) from those of a and b.
-    across = np.array([[cosine, -sine], [sine, cosine]])
-    across[:, :, 1:] *= 2.0
-    _add_rows(samples, np.hstack([*along]), across, odd, blocks)
-
-
 @parallel_kernel
 def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks: Real) -> None:
-    """block[ky, c, a] = sum_j across[odd, :, j, ky] . sum_i along[i, kx] samples[c, a, b, j, i].
+    """block[ky, c, a] = sum_j across[odd, ky, j] . sum_i along[i, kx] samples[c, a, b, j, i].
 
-    along : (2 R + 1, twice kx), cosines and sines; across : (2, 2, R + 1, ky), with the parity first
+    along : (2 R + 1, twice kx), a line of cosines and one of sines by turns; across : (2, ky, twice
+    R + 1), the parity first.
     """
     components, n, cells = samples.shape[0], samples.shape[1], samples.shape[3]
     lines, lanes = blocks.shape[2], blocks.shape[5]
     for task in numba.prange(components * n):
         c, a = task // n, task % n
         # All that one target angle needs stays in cache while ky runs, in the order of the blocks.
-        parts = np.empty((2, cells, lines, n, lanes))
-        room = np.empty(along.shape[1])
+        parts = np.empty((lines, 2 * cells, n, lanes))
+        room = np.empty((cells, along.shape[1]))
         for b in range(n):
-            _add_columns(samples[c, a, b], along, room, parts[..., b, :])
-        rows, total = parts.reshape(2, cells, lines, -1), np.empty(n * lanes)
+            sum_rows(samples[c, a, b], along, room)
+            _deal_out(room, parts[:, :, b])
+        sums = np.empty((blocks.shape[0], n * lanes))
         for line in range(lines):
+            sum_rows(across[odd[c]], parts[line].reshape(2 * cells, n * lanes), sums)
             for ky in range(blocks.shape[0]):
-                _add_parts(rows, line, across[odd[c], :, :, ky], total)
-                blocks[ky, c, line, a].ravel()[:] = total
+                blocks[ky, c, line, a].ravel()[:] = sums[ky]
 
 
 @view_kernel
-def _add_columns(samples: Array, along: Array, room: Array, parts: Array) -> None:
-    """parts[:, j] = sum_i along[i, :] samples[j, i], the cosines' sum and the sines'."""
-    half = room.size // 2
-    for j in range(samples.shape[0]):
-        room[:] = 0.0
-        for i in range(samples.shape[1]):
-            sample, waves = samples[j, i], along[i]
-            for k in range(room.size):
-                room[k] = fused(sample, waves[k], room[k])
-        in_lines(room[:half], parts[0, j])
-        in_lines(room[half:], parts[1, j])
-
-
-@view_kernel
-def _add_parts(rows: Array, line: int, weights: Array, total: Array) -> None:
-    """Set total to sum_j weights[0, j] rows[0, j, line, :] + weights[1, j] rows[1, j, line, :]."""
-    total[:] = 0.0
-    for j in range(rows.shape[1]):
-        first, second = weights[0, j], weights[1, j]
-        even, uneven = rows[0, j, line], rows[1, j, line]
-        for k in range(total.size):
-            total[k] = fused(first, even[k], fused(second, uneven[k], total[k]))
+def _deal_out(room: Array, parts: Array) -> None:
+    """Of room (R + 1, lines * 2 * lanes) to parts (lines, 2 * (R + 1), lanes)."""
+    cells, lanes = room.shape[0], parts.shape[2]
+    for line in range(parts.shape[0]):
+        for j in range(cells):
+            for part in range(2):
+                here, there = room[j, (2 * line + part) * lanes :], parts[line, part * cells + j]
+                for k in range(lanes):
+                    there[k] = here[k]
 
 
 def _waves(offsets: Indices, frequency: Indices, length: int) -> Array:

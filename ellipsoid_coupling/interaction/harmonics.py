@@ -26,7 +26,6 @@ from ellipsoid_coupling.interaction.spectra import (
     Parities,
     Precision,
     Real,
-    Spectra,
     basis_parity,
     precision_for,
     set_parts,
@@ -66,7 +65,7 @@ class HarmonicInteraction:
         sizes = series.h**2, series.shape.size, strength
         self._precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self._precision)
-        ladder = Ladder(grid_shape, kernel.cells, kernel.transform)
+        ladder = Ladder(grid_shape, kernel.cells, kernel)
         self._convolve = Convolution(ladder, self._precision)
         self._room = KeptArrays()
 
@@ -107,9 +106,7 @@ def occupied_box(density: Array) -> tuple[slice, slice] | None:
 class Convolution:
     """sum_q K_pq * sources_q for all p and components, with spectra as long as is needed."""
 
-    def __init__(
-        self, ladder: Ladder[Spectra], precision: Precision, parities: Parities = FORCES
-    ) -> None:
+    def __init__(self, ladder: Ladder, precision: Precision, parities: Parities = FORCES) -> None:
         self._ladder, self._transforms = ladder, Transforms(precision)
         self._parities = parities
 

@@ -8,23 +8,38 @@ where both directions are put on one rung.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Protocol
 
 from scipy import fft
 
-Lengths = tuple[int, int]
-Made = TypeVar("Made")
+from ellipsoid_coupling.interaction.kept import KeptArrays
+from ellipsoid_coupling.interaction.spectra import Lengths, Precision, Real, Spectra
 
 # The last rung is a tenth of the longest.
 _STEP, _RUNGS = 0.8, 11
 
 
-class Ladder(Generic[Made]):
-    """Spectra of any kind for the lengths that occupied cells need, made when they are asked for.
+class Transformable(Protocol):
+    """A kernel that can be transformed to any even lengths, (Py, Px)."""
 
-    The last two are kept. Which lengths are taken follows from the numbers asked for alone, not
-    from what was asked before, so that a resumed run computes the same bits.
+    @property
+    def precision(self) -> Precision:
+        """Of its blocks."""
+
+    def block_shape(self, padded: Lengths) -> tuple[int, ...]:
+        """See `Spectra`."""
+
+    def transform(self, padded: Lengths, blocks: Real) -> None:
+        """Overwrite `blocks` of this shape."""
+
+
+class Ladder:
+    """Spectra of a kernel for the lengths that occupied cells need, made when they are asked for.
+
+    The last one is kept, and its memory for the next: new memory takes longer than the transform. A
+    cloud that grows passes each length once; where lengths are asked for again, as by one whose edge
+    wavers, the last two are kept. Which lengths are taken follows from the numbers asked for alone,
+    not from what was asked before, so that a resumed run computes the same bits.
 
     Parameters
     ----------
@@ -32,7 +47,7 @@ class Ladder(Generic[Made]):
         Of the whole grid.
     reach : int
         How many cells further images must be away.
-    make : ((Py, Px)) -> spectra
+    kernel : Transformable
 
     Attributes
     ----------
@@ -40,19 +55,35 @@ class Ladder(Generic[Made]):
         Lengths for the whole grid.
     """
 
-    def __init__(self, cells: Lengths, reach: int, make: Callable[[Lengths], Made]) -> None:
-        self.longest = padded_length(cells[0], reach), padded_length(cells[1], reach)
-        self._reach, self._make = reach, make
-        self._made: dict[Lengths, Made] = {}
+    def __init__(self, cells: Lengths, reach: int, kernel: Transformable) -> None:
+        self.longest = longest_lengths(cells, reach)
+        self._reach, self._kernel = reach, kernel
+        self._kept: dict[Lengths, tuple[Spectra, KeptArrays]] = {}
+        self._made: set[Lengths] = set()
 
-    def fitting(self, rows: int, columns: int) -> Made:
-        """For a rectangle of so many occupied cells."""
+    def fitting(self, rows: int, columns: int) -> Spectra:
+        """For a rectangle of so many occupied cells; the next other one may overwrite them."""
         lengths = fitting_lengths((rows + self._reach, columns + self._reach), self.longest)
-        spectra = self._made.pop(lengths) if lengths in self._made else self._make(lengths)
-        self._made[lengths] = spectra
-        if len(self._made) > 2:
-            del self._made[next(iter(self._made))]
-        return spectra
+        kept = self._kept.pop(lengths) if lengths in self._kept else self._make(lengths)
+        self._kept[lengths] = kept
+        return kept[0]
+
+    def _make(self, lengths: Lengths) -> tuple[Spectra, KeptArrays]:
+        again = lengths in self._made
+        self._made.add(lengths)
+        full = len(self._kept) == 2 or (len(self._kept) == 1 and not again)
+        room = self._kept.pop(next(iter(self._kept)))[1] if full else KeptArrays()
+        kernel = self._kernel
+        # Memory for the longest: what is not written to costs nothing.
+        room.array("blocks", kernel.block_shape(self.longest), kernel.precision)
+        blocks = room.array("blocks", kernel.block_shape(lengths), kernel.precision)
+        kernel.transform(lengths, blocks)
+        return Spectra(blocks, lengths), room
+
+
+def longest_lengths(cells: Lengths, reach: int) -> Lengths:
+    """For all of a grid of (rows, columns)."""
+    return padded_length(cells[0], reach), padded_length(cells[1], reach)
 
 
 def padded_length(cells: int, reach: int) -> int:

@@ -112,12 +112,8 @@ class SampleInteraction:
         self.harmonics = series.harmonics
         self._precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
-        kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL)
-        ladder = Ladder(
-            (self.nodes.rows, self.nodes.columns),
-            kernel.cells + _TAIL,
-            lambda lengths: kernel.transform(lengths, _undo_splines),
-        )
+        kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL, _undo_splines)
+        ladder = Ladder((self.nodes.rows, self.nodes.columns), kernel.cells + _TAIL, kernel)
         self._convolve = Convolution(ladder, self._precision, POTENTIAL)
         self._room = KeptArrays()
 

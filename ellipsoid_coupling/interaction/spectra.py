@@ -19,15 +19,17 @@ from numpy.typing import DTypeLike, NDArray
 
 from ellipsoid_coupling.interaction.angular import AngularSeries, potential_coefficients
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.ladder import Lengths
 from ellipsoid_coupling.kernels import parallel_kernel, view_kernel
-from ellipsoid_coupling.registers import LINE
+from ellipsoid_coupling.registers import LINE, sum_rows
 
 Real = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]
 Indices = NDArray[np.int64]
+Lengths = tuple[int, int]
 Precision = type[np.float32] | type[np.float64]
 
+# So many rows of frequencies are summed before they are dealt out: a megabyte at most, in cache.
+_KY_AT_ONCE = 16
 # Rounding in single precision is some 1e-6 of the kernel's norm: far below these tolerances.
 LEAST_SINGLE_TOLERANCE = 1e-4
 # Single precision ends at 1e38: products of three such sizes still fit.
@@ -61,13 +63,13 @@ def lines_and_lanes(columns: int, precision: DTypeLike) -> tuple[int, int]:
 
 
 class Spectra(NamedTuple):
-    """The transformed kernel.
+    """A transformed kernel: of an angular series, or between the cells of an angle grid.
 
     Attributes
     ----------
-    blocks : (Py//2 + 1, components, lines, 2M + 1, 2M + 1, lanes) float32 or float64
-        -eps0 h^2 times the transform of forces, without their factor i, eps0 h^2 times that of the
-        potential; axis order (ky, component, kx, p, q, kx), see `lines_and_lanes`.
+    blocks : (Py//2 + 1, components, lines, n, n, lanes) float32 or float64
+        Between n = 2M + 1 basis functions or n angles, without the factor i of the force; axis order
+        (ky, component, kx, target, source, kx), see `lines_and_lanes`.
     padded : (Py, Px)
         Lengths of the transforms, even.
     """
@@ -85,6 +87,8 @@ def basis_parity(functions: int) -> NDArray[np.int64]:
 class AngularKernel:
     """The kernel of `series` at the offsets of its grid, to be transformed to any length.
 
+    Its blocks are -eps0 h^2 times the transform of forces, eps0 h^2 times that of the potential.
+
     Parameters
     ----------
     series : AngularSeries
@@ -93,11 +97,14 @@ class AngularKernel:
     precision : np.float32 or np.float64
     parities : Parities
         `FORCES` for force and torque, `POTENTIAL` for the potential that they are slopes of.
+    factor : (length) -> (length//2 + 1,), optional
+        Multiplies all frequencies along either direction.
 
     Attributes
     ----------
     cells : int
         Reach of the potential in cells.
+    precision
     """
 
     def __init__(
@@ -106,79 +113,72 @@ class AngularKernel:
         strength: float,
         precision: Precision,
         parities: Parities = FORCES,
+        factor: Callable[[int], Array] | None = None,
     ) -> None:
         forces = parities == FORCES
         coefficients = series.coefficients if forces else potential_coefficients(series)
         self._quadrant = _quadrant(series.squares, coefficients, precision)
-        self._parities = parities
         self._scale = (-strength if forces else strength) * series.h**2
+        self._factor, self.precision = factor, precision
         self.cells = self._quadrant.shape[4] - 1
-
-    def transform(self, padded: Lengths, factor: Callable[[int], Array] | None = None) -> Spectra:
-        """Its spectra for transforms of these lengths.
-
-        factor : (length) -> (length//2 + 1,), optional
-            Multiplies all frequencies along either direction.
-        """
-        y_waves, x_waves = (_waves(self.cells, length, factor) for length in padded)
         components, functions = self._quadrant.shape[:2]
         parity = basis_parity(functions)
-        mirrored = self._parities.mirrored[:components]
+        mirrored, odd = (np.array(kind[:components]) for kind in parities)
         odd_y = np.multiply.outer(mirrored, np.outer(parity, parity)) < 0
         # What is odd in all is odd in x where even in y; what is even has the same parity in both.
-        odd_x = odd_y ^ np.array(self._parities.odd[:components])[:, None, None]
-        along_x = [self._quadrant @ waves.astype(self._quadrant.dtype) for waves in x_waves]
-        half = np.where(odd_x[..., None, None], along_x[1], along_x[0])
-        half[odd_x & odd_y] *= -1.0
-        lines, lanes = lines_and_lanes(half.shape[-1], half.dtype)
-        shape = y_waves[0].shape[1], components, lines, functions, functions, lanes
-        blocks: Real = np.empty(shape, half.dtype)
-        _add_rows(half, (self._scale * np.array(y_waves)).astype(half.dtype), odd_y, blocks)
-        return Spectra(blocks, padded)
+        odd_x = odd_y ^ odd[:, None, None]
+        # Where it is odd in both, the product of both sines has the sign -1: the third kind of waves.
+        self._waves = np.stack([1 * odd_x, 1 * odd_y + (odd_x & odd_y)], axis=-1)
+
+    def block_shape(self, padded: Lengths) -> tuple[int, ...]:
+        """See `Spectra`."""
+        components, functions = self._quadrant.shape[:2]
+        lines, lanes = lines_and_lanes(padded[1] // 2 + 1, self.precision)
+        return padded[0] // 2 + 1, components, lines, functions, functions, lanes
+
+    def transform(self, padded: Lengths, blocks: Real) -> None:
+        """Overwrite `blocks` of `block_shape`."""
+        y_waves, x_waves = (_waves(self.cells, length, self._factor) for length in padded)
+        along = np.zeros((2, self.cells + 1, blocks.shape[2] * blocks.shape[5]), self.precision)
+        along[..., : x_waves.shape[2]] = x_waves
+        even, odd = self._scale * y_waves.swapaxes(1, 2)
+        across: Real = np.array([even, odd, -odd]).astype(self.precision)
+        _add_rows(self._quadrant, along, across, self._waves, blocks)
 
 
 @parallel_kernel
-def _add_rows(half: Real, waves: Real, odd: NDArray[np.bool_], blocks: Real) -> None:
-    """block[ky, c, p, q] = sum_j waves[odd[c, p, q], j, ky] half[c, p, q, j].
+def _add_rows(quadrant: Real, along: Real, across: Real, waves: Indices, blocks: Real) -> None:
+    """block[ky, c, p, q] = sum_j across[w, ky, j] sum_i along[v, i, kx] quadrant[c, p, q, j, i].
 
-    half : (components, F, F, R + 1, kx); waves : (2, R + 1, ky)
+    (v, w) = waves[c, p, q]; quadrant : (components, F, F, R + 1, R + 1); along : (2, R + 1, kx);
+    across : (3, ky, R + 1)
     """
-    components, functions = odd.shape[:2]
-    padded = blocks.shape[2] * blocks.shape[5]
+    components, functions, _, cells = quadrant.shape[:4]
+    columns, at_once = along.shape[2], min(_KY_AT_ONCE, blocks.shape[0])
     for task in numba.prange(components * functions):
         c, p = task // functions, task % functions
-        total = np.zeros(padded, blocks.dtype)
-        for ky in range(blocks.shape[0]):
+        half = np.empty((functions, cells, columns), blocks.dtype)
+        for q in range(functions):
+            sum_rows(quadrant[c, p, q], along[waves[c, p, q, 0]], half[q])
+        sums = np.empty((functions, at_once, columns), blocks.dtype)
+        for first in range(0, blocks.shape[0], at_once):
+            end = min(first + at_once, blocks.shape[0])
             for q in range(functions):
-                rows = half[c, p, q]
-                _add_up(rows, waves[1 if odd[c, p, q] else 0, :, ky], total[: rows.shape[1]])
-                in_lines(total, blocks[ky, c, :, p, q])
+                here = across[waves[c, p, q, 1], first:end]
+                sum_rows(here, half[q], sums[q, : end - first])
+            for ky in range(first, end):
+                _deal_out(sums[:, ky - first], blocks[ky, c, :, p])
 
 
 @view_kernel
-def _add_up(rows: Real, weights: Real, total: Real) -> None:
-    """Set total to sum_j weights[j] rows[j], four rows at a time: it is read and written less often."""
-    total[:] = 0.0
-    whole = rows.shape[0] - rows.shape[0] % 4
-    for j in range(0, whole, 4):
-        u, v, w, x = weights[j], weights[j + 1], weights[j + 2], weights[j + 3]
-        a, b, c, d = rows[j], rows[j + 1], rows[j + 2], rows[j + 3]
-        for k in range(total.size):
-            total[k] += (u * a[k] + v * b[k]) + (w * c[k] + x * d[k])
-    for j in range(whole, rows.shape[0]):
-        weight, row = weights[j], rows[j]
-        for k in range(total.size):
-            total[k] += weight * row[k]
-
-
-@view_kernel
-def in_lines(row: Array, lines: Real) -> None:
-    """Deal out a row (lines * lanes,) to (lines, lanes)."""
-    lanes = lines.shape[1]
-    for line in range(lines.shape[0]):
-        here, there = row[line * lanes : (line + 1) * lanes], lines[line]
-        for k in range(lanes):
-            there[k] = here[k]
+def _deal_out(sums: Real, blocks: Real) -> None:
+    """Of sums (F, lines * lanes) to blocks (lines, F, lanes)."""
+    lanes = blocks.shape[2]
+    for line in range(blocks.shape[0]):
+        for q in range(blocks.shape[1]):
+            here, there = sums[q, line * lanes : (line + 1) * lanes], blocks[line, q]
+            for k in range(lanes):
+                there[k] = here[k]
 
 
 @view_kernel
@@ -196,15 +196,15 @@ def set_parts(up: Complex, down: Complex, sign: float, sources: Real) -> None:
             parts[2, j], parts[3, j] = sign * minus[j].real, sign * minus[j].imag
 
 
-def _waves(cells: int, length: int, factor: Callable[[int], Array] | None) -> tuple[Array, Array]:
-    """Even and odd sums over -cells .. cells as sums over 0 .. cells: (cells + 1, length//2 + 1)."""
+def _waves(cells: int, length: int, factor: Callable[[int], Array] | None) -> Array:
+    """Even and odd sums over -cells .. cells as sums over 0 .. cells: (2, cells + 1, length//2 + 1)."""
     # Whole turns are taken off in integers, so that nothing is lost to rounding.
     turns = np.arange(cells + 1)[:, None] * np.arange(length // 2 + 1) % length
     phase = 2.0 * np.pi * turns / length
     weight = np.full((cells + 1, 1), 2.0)
     weight[0] = 1.0
     weights = weight if factor is None else weight * factor(length)
-    return weights * np.cos(phase), weights * np.sin(phase)
+    return np.array([weights * np.cos(phase), weights * np.sin(phase)])
 
 
 def _quadrant(squares: Indices, coefficients: Array, precision: Precision) -> Real:

@@ -14,8 +14,7 @@ import numpy as np
 from scipy import fft
 
 from ellipsoid_coupling.interaction.kept import KeptArrays
-from ellipsoid_coupling.interaction.ladder import Lengths
-from ellipsoid_coupling.interaction.spectra import Complex, Precision, Real
+from ellipsoid_coupling.interaction.spectra import Complex, Lengths, Precision, Real
 from ellipsoid_coupling.kernels import for_each, shares
 
 # Numbers worked on at once: a megabyte at most.

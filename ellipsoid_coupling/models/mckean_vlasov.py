@@ -17,6 +17,7 @@ further out of an open domain than two ranges of the potential no longer interac
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -110,6 +111,16 @@ def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePair
     )
 
 
+def _interact(
+    interaction: SampleInteraction | SamplePairs,
+    weights: tuple[float, float],
+    place: Floats,
+    force: Floats,
+) -> int:
+    interaction.add_forces(place, weights, force)
+    return 0
+
+
 class McKeanVlasov:
     """`Model` of the nonlinear process."""
 
@@ -122,14 +133,16 @@ class McKeanVlasov:
         self._stepper = TOGETHER[setup.scheme]
         drift = scene_drift(setup)
         particles = setup.scene.particles
-        self._weights = (1.0 / particles.mass, 1.0 / particles.inertia)
+        weights = 1.0 / particles.mass, 1.0 / particles.inertia
         self._rates = scene_rates(setup)
         self._limits = scene_limits(setup)
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
         self._interaction = _scene_samples(setup.scene, samples)
         alone = Alone(drift._replace(pairs=None), drift.pairs)
-        together = None if self._interaction is None else self._interact
+        # Not a method: a model that refers to itself keeps its memory until the garbage is collected.
+        acting = self._interaction
+        together = None if acting is None else partial(_interact, acting, weights)
         self._forces = Forces(alone, together, KeptArrays())
         self._blocks = np.zeros(1, np.int64)
 
@@ -137,11 +150,6 @@ class McKeanVlasov:
     def time(self) -> float:
         """The time that all samples have reached."""
         return float(self._state.clock[0, TIME])
-
-    def _interact(self, place: Floats, force: Floats) -> int:
-        if self._interaction is not None:
-            self._interaction.add_forces(place, self._weights, force)
-        return 0
 
     def advance(self, until: float) -> None:
         """A few steps of all samples; as many as there is noise for in one block of it."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
-from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction
+from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction, box_of
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
@@ -139,9 +139,11 @@ class QEquation:
         }
 
     def _carried(self, component: int) -> Floats:
-        fields = inside(self.system.fields)
-        q = fields[Q]
-        values: Floats = np.divide(fields[component], q, out=np.zeros(q.shape), where=q > 0.0)
+        values: Floats = np.zeros(self.grid.shape)
+        box = box_of(self.system.extents)
+        if box is not None:
+            fields, here = inside(self.system.fields)[..., *box], values[..., *box]
+            np.divide(fields[component], fields[Q], out=here, where=fields[Q] > 0.0)
         return values
 
     def state(self) -> Arrays:

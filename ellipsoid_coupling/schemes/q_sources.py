@@ -202,14 +202,15 @@ def _relax(
     gains: Values,
     damping: Values,
     distances: Values,
-    limits: tuple[float, bool] | None,
+    limits: tuple[float, bool],
+    limited: bool,
     fastest: Floats,
 ) -> None:
     """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
 
     distinct : so many angles have forces of their own, which the others share.
     fastest : (tasks, 3 or 2), overwritten by distance/dt of the steps that the new velocities
-        allow; see `_needed`.
+        allow, see `_needed`; by 0 unless `limited`.
     """
     angles, rows = extents.shape[:2]
     lines, tasks = angles * rows, fastest.shape[0]
@@ -232,7 +233,11 @@ def _relax(
                     drive = drive_at(terms, forces, (j, rows, start), a % distinct * rows + j)
                     cells = rows_at(fields, held, start + GHOSTS)
                     left = min(piece, first + width - start)
-                    _relax_row(cells, drive, held_angle, rates, limits, left, peaks)
+                    # One loop for both: to compile it twice would take longer than most runs.
+                    if limited:
+                        _relax_row(cells, drive, held_angle, rates, limits, left, peaks)
+                    else:
+                        _relax_row(cells, drive, held_angle, rates, None, left, peaks)
         for d in range(found.shape[0]):
             fastest[task, d] = found[d].max()
 
@@ -262,7 +267,8 @@ def _relaxed(
             (change.gain, change.gain, change.spin_gain)[:momenta],
             (terms.damping, terms.damping, terms.angular_damping)[:momenta],
             tuple(distances.tolist()),
-            None if limits is None else (limits.sound, limits.damped),
+            (0.0, False) if limits is None else (limits.sound, limits.damped),
+            limits is not None,
             fastest,
         )
     if limits is None:

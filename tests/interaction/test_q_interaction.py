@@ -214,3 +214,27 @@ def test_a_growing_cloud_changes_its_transforms_and_nothing_else() -> None:
             np.testing.assert_array_equal(one, other)
             miss = np.abs(one - third)[:, :width, :width].max()
             assert miss <= 1e-13 * np.abs(third).max()
+
+
+def test_nothing_is_left_of_cells_or_angles_that_held_mass_before() -> None:
+    """One object through boxes that grow, shrink and move, with all angles or some: fresh bits each."""
+    shape, rng = potential_shape(LENGTH, 0.05), np.random.default_rng(3)
+    kept = AngleGridInteraction((12, 20, 24), H, shape, STRENGTH)
+    boxes = [
+        (0, 9, 3, 11),
+        (0, 9, 3, 11),
+        (2, 18, 0, 20),
+        (4, 7, 9, 12),
+        (0, 20, 0, 24),
+        (13, 14, 2, 4),
+    ]
+    for angles in (slice(None), slice(3, 5), slice(None), slice(0, 1)):
+        for bottom, top, left, right in (*boxes, *boxes[::-1]):
+            q = np.zeros((12, 20, 24))
+            here = q[angles, bottom:top, left:right]
+            here[:] = rng.random(here.shape)
+            fresh = AngleGridInteraction(q.shape, H, shape, STRENGTH).forces(q)
+            for one, other in zip(kept.forces(q), fresh, strict=True):
+                assert one is not None
+                np.testing.assert_array_equal(one, other)
+    assert not any(np.any(part) for part in kept.forces(np.zeros((12, 20, 24))))

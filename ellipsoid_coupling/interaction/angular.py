@@ -15,22 +15,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import (
+    apart_kernel,
+    for_each,
+    kernel,
+    shares,
+    view_kernel,
+)
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
+from ellipsoid_coupling.registers import DOUBLES, sum_rows
 
 # Angles sampled per harmonic kept: three per wave of the highest harmonic kept, in each angle.
 OVERSAMPLING = 6
 LEAST_ANGLES = 64
 # The search looks at some of the distances only; what it finds is checked on all of them.
 SEARCH_DISTANCES = 32
-# Distances sampled at once, times the square of the angles: bounds the memory to some 50 MB.
-CHUNK = 500_000
+# Distances are dealt out in so many tasks at most.
+_TASKS = 64
 
 
 class AngularSeries(NamedTuple):
@@ -76,15 +82,17 @@ def angular_series(
     """
     squares, offsets = _distances(shape, h)
     few = slice(None, None, max(1, squares.size // SEARCH_DISTANCES))
+    # Both slopes of the potential and, unless circles, dU/dtheta.
+    entries = (1, 2) if shape.shape_factor == 0.0 else (1, 2, 3)
 
     def reaches(harmonics: int) -> bool:
-        part = _expand(shape, h * np.sqrt(squares[few]), harmonics)
+        part = _expand(shape, h * np.sqrt(squares[few]), harmonics, entries, True)
         errors, norms = offsets[few] @ part.misses, offsets[few] @ part.peaks
         return bool(np.all(errors <= tolerance * norms))
 
     harmonics = _first(reaches, most)
     while harmonics <= most:
-        whole = _expand(shape, h * np.sqrt(squares), harmonics)
+        whole = _expand(shape, h * np.sqrt(squares), harmonics, entries, True)
         norms, errors = offsets @ whole.peaks, offsets @ whole.misses
         if np.all(errors <= tolerance * norms):
             return AngularSeries(
@@ -130,104 +138,150 @@ def potential_coefficients(series: AngularSeries) -> Array:
 
     The series of its gradients is the gradient of its series, so the error of that stays the same.
     """
-    lattice, _, dual = _lattice(series.harmonics)
-    coefficients = np.empty((series.squares.size, 1, len(dual), len(dual)))
-    step = max(1, CHUNK // lattice.size**2)
-    for first in range(0, series.squares.size, step):
-        part = slice(first, min(first + step, series.squares.size))
-        values = np.empty((part.stop - first, 1, lattice.size, lattice.size))
-        _sample(series.h * np.sqrt(series.squares[part]), lattice, tuple(series.shape), 0, values)
-        coefficients[part] = _on_both_sides(dual, values)
-    return coefficients
+    distances = series.h * np.sqrt(series.squares)
+    return _expand(series.shape, distances, series.harmonics, (0,), False).coefficients
 
 
-def _lattice(harmonics: int) -> tuple[Array, Array, Array]:
-    """Angles to sample, b_p there, and what gives coefficients: (n,), (2M + 1, n), (2M + 1, n)."""
-    angles = max(LEAST_ANGLES, OVERSAMPLING * harmonics)
+class _Lattice(NamedTuple):
+    """Angles to sample both particles at, and the basis functions there.
+
+    angles : (n,)
+    dual : (F, n), coefficient p of values at the angles is dual[p] @ values; F = 2M + 1
+    dual_columns : (n, F or more), its transpose and zeros
+    basis_columns : (n, F), b_p at the angles
+    basis : (F or more, n), its transpose and zeros
+    """
+
+    angles: Array
+    dual: Array
+    dual_columns: Array
+    basis_columns: Array
+    basis: Array
+
+
+def _lattice(harmonics: int) -> _Lattice:
+    functions = 2 * harmonics + 1
+    angles = _whole_lines(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
     lattice = np.pi * np.arange(angles) / angles
-    basis = np.empty((2 * harmonics + 1, 1, angles))
-    angular_basis(lattice[None, :], basis)
-    basis = basis[:, 0]
+    basis = np.zeros((_whole_lines(functions), angles))
+    angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
     dual[0] *= 0.5
-    return lattice, basis, dual
+    columns = np.ascontiguousarray(basis[:functions].T)
+    return _Lattice(lattice, dual[:functions].copy(), np.ascontiguousarray(dual.T), columns, basis)
 
 
-def _expand(shape: PotentialShape, distances: Array, harmonics: int) -> _Expansion:
-    lattice, basis, dual = _lattice(harmonics)
-    angles = lattice.size
-    components = 2 if shape.shape_factor == 0.0 else 3
-    functions = 2 * harmonics + 1
-    coefficients = np.empty((distances.size, components, functions, functions))
-    peaks, misses = np.empty((2, distances.size, components - 1))
-    step = max(1, CHUNK // angles**2)
-    block = np.empty((min(step, distances.size), components, angles, angles))
-    for first in range(0, distances.size, step):
-        part = slice(first, min(first + step, distances.size))
-        values = block[: part.stop - first]
-        _sample(distances[part], lattice, tuple(shape), 1, values)
-        coefficients[part] = _on_both_sides(dual, values)
-        _largest(values, peaks[part])
-        values -= _on_both_sides(basis.T, coefficients[part])
-        _largest(values, misses[part])
+def _whole_lines(count: int) -> int:
+    """So many numbers or some more, as `sum_rows` takes them."""
+    return -(-count // DOUBLES) * DOUBLES
+
+
+def _expand(
+    shape: PotentialShape,
+    distances: Array,
+    harmonics: int,
+    entries: tuple[int, ...],
+    measured: bool,
+) -> _Expansion:
+    """Of these entries of `pair_potential`; with `measured`, peaks and misses as well."""
+    functions, found = 2 * harmonics + 1, len(entries) - 1 if measured else 0
+    coefficients = np.empty((distances.size, len(entries), functions, functions))
+    peaks, misses = np.empty((2, distances.size, found))
+    parts = [slice(*part) for part in shares(distances.size, _TASKS)]
+    lattice, first = _lattice(harmonics), entries[0]
+
+    def some(k: int) -> None:
+        out = coefficients[parts[k]], peaks[parts[k]], misses[parts[k]]
+        _expand_some(distances[parts[k]], lattice, tuple(shape), first, out)
+
+    for_each(len(parts), some)
     return _Expansion(coefficients, peaks, misses)
 
 
-def _on_both_sides(matrix: Array, blocks: Array) -> Array:
-    """For every block, matrix @ block @ matrix.T: two large products, not thousands of small."""
-    half = blocks.reshape(-1, blocks.shape[-1]) @ matrix.T
-    half = half.reshape(*blocks.shape[:-1], -1).swapaxes(-1, -2)
-    whole = half.reshape(-1, blocks.shape[-1]) @ matrix.T
-    return whole.reshape(*half.shape[:-1], -1).swapaxes(-1, -2)
-
-
-@parallel_kernel
-def _largest(block: Array, out: Array) -> None:
-    """Largest length of the force and largest torque over all angles: (distances, 1 or 2)."""
-    for k in numba.prange(block.shape[0]):
-        force, torque = 0.0, 0.0
-        for i in range(block.shape[2]):
-            for j in range(block.shape[3]):
-                force = max(force, block[k, 0, i, j] ** 2 + block[k, 1, i, j] ** 2)
-                if out.shape[1] == 2:
-                    torque = max(torque, abs(block[k, 2, i, j]))
-        out[k, 0] = np.sqrt(force)
-        if out.shape[1] == 2:
-            out[k, 1] = torque
-
-
-@parallel_kernel
-def _sample(
-    distances: Array, lattice: Array, shape: tuple[float, ...], first: int, out: Array
-) -> None:
-    """Entries of `pair_potential`, from `first` on, at (distance, theta, thetabar) of the lattice.
-
-    The other particle lies in the x direction. out : (distances, entries, angles, angles)
-    """
-    shape_factor, size, reach, bluntness = shape
-    cosines, sines = np.cos(2.0 * lattice), np.sin(2.0 * lattice)
-    for k in numba.prange(distances.size):
-        constants = PotentialShape(shape_factor, size, reach, bluntness)
-        for i in range(lattice.size):
-            target = cosines[i], sines[i]
-            _sample_row(distances[k], target, (cosines, sines), constants, first, out[k, :, i])
-
-
 @kernel
+def _expand_some(
+    distances: Array,
+    lattice: _Lattice,
+    shape: tuple[float, ...],
+    first: int,
+    out: tuple[Array, Array, Array],
+) -> None:
+    """See `_Expansion`; entries of `pair_potential` from `first` on, peaks and misses if there is room."""
+    coefficients, peaks, misses = out
+    shape_factor, size, reach, bluntness = shape
+    constants = PotentialShape(shape_factor, size, reach, bluntness)
+    components, functions = coefficients.shape[1:3]
+    n, padded = lattice.angles.size, lattice.basis.shape[0]
+    cosines, sines = np.empty(n), np.empty(n)
+    for i in range(n):
+        cosines[i], sines[i] = cos_sin(2.0 * lattice.angles[i])
+    # What one distance needs stays in cache.
+    row, values, again = np.empty((4, n)), np.empty((components, n, n)), np.empty((n, n))
+    half, found = np.empty((functions, n)), np.empty((functions, padded))
+    other = np.empty((n, padded))
+    for k in range(distances.size):
+        for i in range(n):
+            _sample_row(distances[k], (cosines[i], sines[i]), (cosines, sines), constants, row)
+            for c in range(components):
+                _copy(row[first + c], values[c, i])
+        if peaks.shape[1] > 0:
+            _set_largest(values, peaks[k])
+        for c in range(components):
+            sum_rows(lattice.dual, values[c], half)
+            sum_rows(half, lattice.dual_columns, found)
+            for p in range(functions):
+                _copy(found[p], coefficients[k, c, p])
+            if peaks.shape[1] > 0:
+                sum_rows(lattice.basis_columns, found, other)
+                sum_rows(other, lattice.basis, again)
+                for i in range(n):
+                    _subtract(again[i], values[c, i])
+        if peaks.shape[1] > 0:
+            _set_largest(values, misses[k])
+
+
+@view_kernel
+def _copy(row: Array, out: Array) -> None:
+    for j in range(out.size):
+        out[j] = row[j]
+
+
+@view_kernel
+def _subtract(row: Array, out: Array) -> None:
+    for j in range(out.size):
+        out[j] -= row[j]
+
+
+@view_kernel
+def _set_largest(values: Array, out: Array) -> None:
+    """Largest length of the force and largest torque over all angles: out (1 or 2,)."""
+    force, torque = 0.0, 0.0
+    for i in range(values.shape[1]):
+        for j in range(values.shape[2]):
+            force = max(force, values[0, i, j] ** 2 + values[1, i, j] ** 2)
+            if out.size == 2:
+                torque = max(torque, abs(values[2, i, j]))
+    out[0] = np.sqrt(force)
+    if out.size == 2:
+        out[1] = torque
+
+
+@apart_kernel
 def _sample_row(
     distance: float,
     target: tuple[float, float],
     bar: tuple[Array, Array],
     shape: PotentialShape,
-    first: int,
     out: Array,
 ) -> None:
+    """All entries of `pair_potential` at every thetabar, (4, n); the other particle lies along x."""
     c2, s2 = target
     c2_bar, s2_bar = bar
+    potential, slope_x, slope_y, torque = out[0], out[1], out[2], out[3]
     for j in range(c2_bar.size):
-        values = pair_potential(distance, 0.0, c2, s2, c2_bar[j], s2_bar[j], shape)
-        for c in range(out.shape[0]):
-            out[c, j] = values[first + c]
+        potential[j], slope_x[j], slope_y[j], torque[j] = pair_potential(
+            distance, 0.0, c2, s2, c2_bar[j], s2_bar[j], shape
+        )
 
 
 @kernel

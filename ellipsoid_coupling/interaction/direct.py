@@ -15,8 +15,9 @@ from ellipsoid_coupling.interaction.grid_forces import (
     check_grid,
     half_widths,
 )
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
+from ellipsoid_coupling.tuples import Rows, each, load, rows_at, store
 
 Indices = NDArray[np.int64]
 
@@ -117,7 +118,7 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
     h, scale, shape, widths = setup
     c2, s2, density, extents = fields
     first, end = extents[row]
-    sums = np.zeros((3, c2.shape[1]))
+    sums = np.zeros((2, c2.shape[1]))
     for source in range(max(0, row - widths.size + 1), min(c2.shape[0], row + widths.size)):
         width = widths[abs(source - row)]
         for offset in range(-width, width + 1):
@@ -130,22 +131,24 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
             a_bar, b_bar = a + offset, b + offset
             bar = c2[source, a_bar:b_bar], s2[source, a_bar:b_bar], density[source, a_bar:b_bar]
             pull = sums[0, a:b], sums[1, a:b]
-            if torque is None:
-                _add_offset(pull, None, target, bar, delta, shape)
-            else:
-                _add_offset(pull, sums[2, a:b], target, bar, delta, shape)
+            _add_offset(pull, rows_at(torque, (row,), a), target, bar, delta, shape)
     for j in range(first, end):
-        if density[row, j] != 0.0:
-            force[0, row, j] = scale * sums[0, j]
-            force[1, row, j] = scale * sums[1, j]
-            if torque is not None:
-                torque[row, j] = scale * sums[2, j]
+        held = density[row, j] != 0.0
+        force[0, row, j] = scale * sums[0, j] if held else 0.0
+        force[1, row, j] = scale * sums[1, j] if held else 0.0
+        if torque is not None:
+            torque[row, j] = scale * torque[row, j] if held else 0.0
 
 
-@kernel
+@inline_kernel
+def _plus(change: float, value: float) -> float:
+    return value + change
+
+
+@apart_kernel
 def _add_offset(
     pull: tuple[Array, Array],
-    turn: Array | None,
+    turn: Rows,
     target: tuple[Array, Array],
     bar: tuple[Array, Array, Array],
     delta: tuple[float, float],
@@ -153,7 +156,8 @@ def _add_offset(
 ) -> None:
     """Add what a run of cells (c2, s2, density of `bar`) does to the run `target` at -`delta`.
 
-    All arrays are contiguous and of one length; only so does the loop become SIMD instructions.
+    turn : the row of torques, or none. All arrays are contiguous and of one length; only so does the
+    loop become SIMD instructions.
     """
     pull_x, pull_y = pull
     c2, s2 = target
@@ -165,5 +169,4 @@ def _add_offset(
         )
         pull_x[j] += density[j] * slope_x
         pull_y[j] += density[j] * slope_y
-        if turn is not None:
-            turn[j] += density[j] * slope_angle
+        store(turn, j, each(_plus, (density[j] * slope_angle,), (load(turn, j),)))

@@ -93,7 +93,7 @@ def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Val
 
 @inline_kernel
 def whole_vectors(width: int) -> int:
-    """So many cells are whole vectors.
+    """So many cells, or whatever numbers, are whole vectors.
 
     Loops go on to there and leave out with an `if` what lies beyond ``width``: the rest of a loop
     would go one cell at a time, which takes as long as three vectors.

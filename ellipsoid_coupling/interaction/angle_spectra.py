@@ -29,9 +29,10 @@ from ellipsoid_coupling.interaction.spectra import (
     Lengths,
     Precision,
     Real,
+    deal_out,
     lines_and_lanes,
 )
-from ellipsoid_coupling.kernels import kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 from ellipsoid_coupling.registers import sum_rows
 
@@ -170,28 +171,17 @@ def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks:
     for task in numba.prange(components * n):
         c, a = task // n, task % n
         # All that one target angle needs stays in cache while ky runs, in the order of the blocks.
-        parts = np.empty((lines, 2 * cells, n, lanes))
+        parts = np.empty((2 * lines, cells, n, lanes))
         room = np.empty((cells, along.shape[1]))
         for b in range(n):
             sum_rows(samples[c, a, b], along, room)
-            _deal_out(room, parts[:, :, b])
+            deal_out(room, parts[:, :, b])
         sums = np.empty((blocks.shape[0], n * lanes))
         for line in range(lines):
-            sum_rows(across[odd[c]], parts[line].reshape(2 * cells, n * lanes), sums)
+            both = parts[2 * line : 2 * line + 2].reshape(2 * cells, n * lanes)
+            sum_rows(across[odd[c]], both, sums)
             for ky in range(blocks.shape[0]):
                 blocks[ky, c, line, a].ravel()[:] = sums[ky]
-
-
-@view_kernel
-def _deal_out(room: Array, parts: Array) -> None:
-    """Of room (R + 1, lines * 2 * lanes) to parts (lines, 2 * (R + 1), lanes)."""
-    cells, lanes = room.shape[0], parts.shape[2]
-    for line in range(parts.shape[0]):
-        for j in range(cells):
-            for part in range(2):
-                here, there = room[j, (2 * line + part) * lanes :], parts[line, part * cells + j]
-                for k in range(lanes):
-                    there[k] = here[k]
 
 
 def _waves(offsets: Indices, frequency: Indices, length: int) -> Array:

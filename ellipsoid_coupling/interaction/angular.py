@@ -28,7 +28,8 @@ from ellipsoid_coupling.kernels import (
 )
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
-from ellipsoid_coupling.registers import DOUBLES, sum_rows
+from ellipsoid_coupling.registers import sum_rows
+from ellipsoid_coupling.tuples import whole_vectors
 
 # Angles sampled per harmonic kept: three per wave of the highest harmonic kept, in each angle.
 OVERSAMPLING = 6
@@ -161,19 +162,14 @@ class _Lattice(NamedTuple):
 
 def _lattice(harmonics: int) -> _Lattice:
     functions = 2 * harmonics + 1
-    angles = _whole_lines(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
+    angles = whole_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
     lattice = np.pi * np.arange(angles) / angles
-    basis = np.zeros((_whole_lines(functions), angles))
+    basis = np.zeros((whole_vectors(functions), angles))
     angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
     dual[0] *= 0.5
     columns = np.ascontiguousarray(basis[:functions].T)
     return _Lattice(lattice, dual[:functions].copy(), np.ascontiguousarray(dual.T), columns, basis)
-
-
-def _whole_lines(count: int) -> int:
-    """So many numbers or some more, as `sum_rows` takes them."""
-    return -(-count // DOUBLES) * DOUBLES
 
 
 def _expand(

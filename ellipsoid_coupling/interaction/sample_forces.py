@@ -43,7 +43,6 @@ from ellipsoid_coupling.interaction.sample_splines import (
     add_to,
     deposit,
     interpolate,
-    padded,
     sort_by_row,
 )
 from ellipsoid_coupling.interaction.spectra import (
@@ -53,6 +52,7 @@ from ellipsoid_coupling.interaction.spectra import (
     precision_for,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape
+from ellipsoid_coupling.tuples import whole_vectors
 
 Interval = tuple[float, float]
 
@@ -135,7 +135,7 @@ class SampleInteraction:
             return
         functions = 2 * self.harmonics + 1
         sources = deposit(here, nodes, functions, 1.0 / slots.size, room)
-        shape = *here.extent, padded(functions)
+        shape = *here.extent, whole_vectors(functions)
         potential: Real = room.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:

@@ -16,7 +16,8 @@ from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.spectra import Indices, Real
 from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel, shares, view_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
-from ellipsoid_coupling.registers import DOUBLES, Four, add_stencil, sum_stencil
+from ellipsoid_coupling.registers import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.tuples import whole_vectors
 
 # Nodes about a point in each direction.
 STENCIL = 4
@@ -29,11 +30,6 @@ _LEAST_SORTED, _LEAST_SPREAD = 20_000, 2_500
 # So many samples' b_p are written before the first is read: loading a vector waits for all of the
 # single numbers that were last stored there.
 _BATCH = 32
-
-
-def padded(functions: int) -> int:
-    """So many numbers a node: whole vectors."""
-    return -(-functions // DOUBLES) * DOUBLES
 
 
 class Nodes(NamedTuple):
@@ -286,7 +282,7 @@ def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, room: KeptA
     samples, begin, corner, extent = here
     windows = windows_of(begin)
     parts, first, offsets = windows
-    shape = int(offsets[-1]), extent[1], padded(functions)
+    shape = int(offsets[-1]), extent[1], whole_vectors(functions)
     partial = room.array("windows", shape, np.float64)
 
     def put(k: int) -> None:
@@ -356,7 +352,7 @@ def interpolate(
 ) -> Array:
     """Minus the slopes of sum_p b_p(theta) U_p(r) along x, y and theta at the samples: (n, D).
 
-    potential : (rows, columns, `padded` functions)
+    potential : (rows, columns, `whole_vectors` of functions)
         U_p at a part of the nodes, from row and column `corner` on.
     room : KeptArrays
         What the result is written to.

@@ -167,12 +167,12 @@ def _add_rows(quadrant: Real, along: Real, across: Real, waves: Indices, blocks:
                 here = across[waves[c, p, q, 1], first:end]
                 sum_rows(here, half[q], sums[q, : end - first])
             for ky in range(first, end):
-                _deal_out(sums[:, ky - first], blocks[ky, c, :, p])
+                deal_out(sums[:, ky - first], blocks[ky, c, :, p])
 
 
 @view_kernel
-def _deal_out(sums: Real, blocks: Real) -> None:
-    """Of sums (F, lines * lanes) to blocks (lines, F, lanes)."""
+def deal_out(sums: Real, blocks: Real) -> None:
+    """Line by line: of sums (n, lines * lanes) to blocks (lines, n, lanes)."""
     lanes = blocks.shape[2]
     for line in range(blocks.shape[0]):
         for q in range(blocks.shape[1]):

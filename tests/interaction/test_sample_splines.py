@@ -16,9 +16,9 @@ from ellipsoid_coupling.interaction.sample_splines import (
     add_to,
     deposit,
     interpolate,
-    padded,
     sort_by_row,
 )
+from ellipsoid_coupling.tuples import whole_vectors
 
 Array = NDArray[Any]
 
@@ -112,7 +112,7 @@ def test_to_the_nodes_and_back_against_scipy(harmonics: int, count: int) -> None
         assert np.count_nonzero(expected) == np.count_nonzero(expected[:, *part])
         expected = expected[:, *part]
         np.testing.assert_allclose(sources, expected, atol=1e-12 * np.abs(expected).max())
-    potential = np.zeros((NODES.rows, NODES.columns, padded(functions)))
+    potential = np.zeros((NODES.rows, NODES.columns, whole_vectors(functions)))
     potential[..., :functions] = rng.standard_normal((NODES.rows, NODES.columns, functions))
     here_only = np.ascontiguousarray(potential[part])
     found = interpolate(samples, NODES, here.corner, here_only, functions, room)

@@ -26,6 +26,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.flow.cases import BUILT_IN
 from ellipsoid_coupling.flow.programs import (
     Follow,
     failed,
@@ -33,7 +34,7 @@ from ellipsoid_coupling.flow.programs import (
     require_openfoam,
     run_program,
 )
-from ellipsoid_coupling.flow.trust import BUILT_IN, INPUT_FOLDERS, LEFT_OUT, refuse_code
+from ellipsoid_coupling.flow.trust import INPUT_FOLDERS, LEFT_OUT, refuse_code
 from ellipsoid_coupling.inputs import is_folder, is_ordinary, read_bytes, read_text
 from ellipsoid_coupling.kernels import cache_home
 from ellipsoid_coupling.limits import (

@@ -26,6 +26,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.cases import BUILT_IN
 from ellipsoid_coupling.flow.foam_tokens import Token, line_of, tokens
 from ellipsoid_coupling.inputs import is_ordinary, read_bytes, unpack
 from ellipsoid_coupling.limits import (
@@ -34,7 +35,6 @@ from ellipsoid_coupling.limits import (
     MOST_NESTING,
 )
 
-BUILT_IN = Path(__file__).parents[2] / "foam_cases"
 INPUT_FOLDERS = ("0.orig", "constant", "system")
 # blockMesh makes the mesh anew: this folder is not copied.
 LEFT_OUT = "polyMesh"

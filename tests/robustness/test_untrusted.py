@@ -11,9 +11,10 @@ import pytest
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import openfoam
+from ellipsoid_coupling.flow.cases import BUILT_IN
 from ellipsoid_coupling.flow.openfoam import case_folder, solve_case
 from ellipsoid_coupling.flow.reader import read_case
-from ellipsoid_coupling.flow.trust import BUILT_IN, find_code, refuse_code
+from ellipsoid_coupling.flow.trust import find_code, refuse_code
 from tests.robustness.conftest import within_limits
 
 DATA = Path(__file__).parents[1] / "data"

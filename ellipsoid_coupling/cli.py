@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, Token
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal
 from ellipsoid_coupling.inputs import exists
@@ -33,6 +33,19 @@ Settings = Annotated[
     Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
 ]
 Names = Annotated[list[str], Parameter(negative="")]
+
+
+def _whole(_kind: object, tokens: Sequence[Token]) -> int:
+    """A whole number as it stands; cyclopts' own reading of 1.5 is 2."""
+    text = tokens[0].value
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"expected a whole number, found {text!r}") from None
+
+
+Whole = Annotated[int, Parameter(converter=_whole)]
+OptionalWhole = Annotated[int | None, Parameter(converter=_whole)]
 
 
 def _print(*lines: str) -> None:
@@ -126,8 +139,8 @@ def flow(
     case: str,
     /,
     *,
-    cells: int | None = None,
-    processes: int = 1,
+    cells: OptionalWhole = None,
+    processes: Whole = 1,
     trust: bool = False,
     output: Output = _OUTPUT,
 ) -> None:
@@ -194,8 +207,8 @@ def run(
     scheme: str | None = None,
     flow: Path | None = None,
     set_: Settings = None,
-    seed: int | None = None,
-    realisations: int | None = None,
+    seed: OptionalWhole = None,
+    realisations: OptionalWhole = None,
     keeping: Keeping = _KEEPING,
 ) -> None:
     """Run one model on one scene; without --out into results/....
@@ -225,10 +238,6 @@ def run(
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     keeping.check()
-    if realisations is not None and realisations < 1:
-        raise InputError("--realisations", "1 or more", str(realisations), "Change it.")
-    if seed is not None and not 0 <= seed < 2**63:
-        raise InputError("--seed", "a whole number from 0 to 2^63 - 1", str(seed), "Change it.")
     kind = scheme_named(scheme or before.scheme)
     folder = keeping.place(f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
@@ -238,7 +247,7 @@ def run(
             kind,
             flow=flow,
             seed=seed if seed is not None else before.seed,
-            realisations=realisations or before.realisations,
+            realisations=realisations if realisations is not None else before.realisations,
             folder=folder,
             report=report,
         )

@@ -31,6 +31,15 @@ SMALLEST_NUMBER = 1e-100
 LARGEST_IN_A_CASE = 1e18
 # More of anything fits into no machine; products of two such counts still are floats.
 MOST_COUNT = 10**18
+# A step's error in lengths and radian: double precision keeps no place to less, so no step is short
+# enough for less.
+LEAST_TOLERANCE = 1e-14
+# Times a million more steps than grids need; below, a run does not end.
+LEAST_CFL = 1e-6
+# A hundredth of a degree in [0, 2 pi); the paper has 60.
+MOST_ANGLE_CELLS = 36_000
+# numpy's generators are seeded by 64 bits; TOML's whole numbers have 63.
+MOST_SEED = 2**63 - 1
 # A step that is a smaller part of the end time no longer changes the clock.
 SMALLEST_STEP = 1e-15
 # Names become file names; systems allow 255 bytes, and numbers and endings are added.

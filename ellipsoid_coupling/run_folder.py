@@ -93,6 +93,14 @@ class RunFolder:
                 "Name the run's folder, or start again with --force.",
             )
 
+    def check_same(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> None:
+        """Refuse, before a flow is looked for, to resume what is another run even without it.
+
+        `run` and `scene` as in `claimed`; what `run` tells of the flow is left out.
+        """
+        if self.resume and exists(self.path / RUN_FILE):
+            self._require_same({"run": run, "scene": scene}, but=("flow", "flow_digest"))
+
     @contextmanager
     def claimed(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[None]:
         """Inside, the folder is this process's alone and holds the run.toml of this run.
@@ -129,12 +137,14 @@ class RunFolder:
         with whole_file(self.path / RUN_FILE) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
 
-    def _require_same(self, wanted: Mapping[str, Any]) -> None:
+    def _require_same(self, wanted: Mapping[str, Any], but: tuple[str, ...] = ()) -> None:
         file = self.path / RUN_FILE
         before = read_run_file(file)
         same = tomllib.loads(table_to_toml(wanted))
         for part, values in same.items():
-            for key in sorted(set(values) | set(before.get(part, {}))):
+            keys = set(values) | set(before.get(part, {}))
+            # `but` names keys of [run]; [scene] has a section flow of its own.
+            for key in sorted(keys - set(but if part == "run" else ())):
                 old, new = before.get(part, {}).get(key), values.get(key)
                 if old != new:
                     raise InputError(

@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,15 @@ from ellipsoid_coupling.files import Arrays
 from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
 from ellipsoid_coupling.interruption import Interruption, noticed
 from ellipsoid_coupling.kernels import CompileTimer
-from ellipsoid_coupling.limits import LONGEST_RUN
-from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, scheme_named
+from ellipsoid_coupling.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
+from ellipsoid_coupling.models import (
+    Model,
+    SchemeName,
+    Setup,
+    build_model,
+    require_fit,
+    scheme_named,
+)
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
@@ -97,20 +104,54 @@ def simulate(
         After SIGTERM or SIGINT, or where it would take too long, with a folder only; its checkpoint
         has been written.
     """
-    scheme_named(scheme)
     place = RunFolder(folder) if isinstance(folder, Path) else folder
+    setup = _checked_setup(scene, model, scheme, seed, realisations)
     if place is not None:
         place.check()
+        place.check_same(*_identity(model, setup))
     field = flow if isinstance(flow, FlowField) else scene_flow(scene, flow, report)
+    return _Run(model, replace(setup, flow=field), place, report).go()
+
+
+def _checked_setup(
+    scene: Scene, model: str, scheme: str, seed: int, realisations: int | None
+) -> Setup:
+    """What is run, still without its flow; InputError for all that can be told wrong by then."""
     setup = Setup(
         scene=scene,
         terms=terms_of(scene, model),
-        scheme=scheme,
-        flow=field,
-        seed=seed,
-        realisations=realisations or scene.particles.realisations,
+        scheme=scheme_named(scheme),
+        flow=None,
+        seed=_whole("seed", seed, 0, MOST_SEED),
+        realisations=scene.particles.realisations
+        if realisations is None
+        else _whole("realisations", realisations, 1, MOST_COUNT),
     )
-    return _Run(model, setup, place, report).go()
+    require_fit(model, setup)
+    return setup
+
+
+def _whole(name: str, value: int, least: int, most: int) -> int:
+    """`value`, if it is a whole number within its bounds; numpy's are taken, True is not."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not least <= value <= most:
+        expected = f"a whole number from {least} to {most:g}"
+        raise InputError(f"--{name}", expected, repr(value), "Change it.")
+    return int(value)
+
+
+def _identity(name: str, setup: Setup) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The [run] and [scene] of run.toml: all that a repetition needs."""
+    flow = setup.flow
+    run = {
+        "model": name,
+        "scheme": setup.scheme,
+        "seed": setup.seed,
+        "realisations": setup.realisations,
+        "flow": flow.origin if flow else "none",
+        "flow_digest": _digest(flow) if flow else "none",
+    }
+    return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
 
 @dataclass
@@ -131,7 +172,7 @@ class _Run:
             self.model: Model = build_model(self.name, self.setup)
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
-                claim.enter_context(self.folder.claimed(*self._identity()))
+                claim.enter_context(self.folder.claimed(*_identity(self.name, self.setup)))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -143,19 +184,6 @@ class _Run:
                 self._finish(f"failed: {error}")
                 raise
             return self._finish("completed")
-
-    def _identity(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The [run] and [scene] of run.toml: all that a repetition needs."""
-        setup, flow = self.setup, self.setup.flow
-        run = {
-            "model": self.name,
-            "scheme": setup.scheme,
-            "seed": setup.seed,
-            "realisations": setup.realisations,
-            "flow": flow.origin if flow else "none",
-            "flow_digest": _digest(flow) if flow else "none",
-        }
-        return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
     def _loop(self) -> None:
         times = self.setup.scene.times

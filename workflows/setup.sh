@@ -48,7 +48,7 @@ make_environment() {
     fi
     say "setting up: .venv with the packages of workflows/requirements.lock (a minute or two)"
     "$python" -m venv --clear .venv
-    .venv/bin/python -m pip install -qq --disable-pip-version-check -r workflows/requirements.lock
+    .venv/bin/python -m pip install -qq --disable-pip-version-check --require-hashes -r workflows/requirements.lock
     .venv/bin/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation --editable .
     echo "$wanted" >.venv/made-from
 }

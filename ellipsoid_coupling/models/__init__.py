@@ -19,6 +19,7 @@ __all__ = [
     "build_model",
     "layout_of",
     "model_names",
+    "require_fit",
     "scheme_named",
 ]
 
@@ -54,18 +55,32 @@ def scheme_named(name: str) -> SchemeName:
     raise InputError("--scheme", f"one of {known}", repr(name), "Choose one of these.")
 
 
-def build_model(name: str, setup: Setup) -> Model:
-    """The model called `name`, at the scene's start.
+def require_fit(name: str, setup: Setup) -> None:
+    """Refuse what model, scene and numbers tell wrong, before anything is solved or allocated.
+
+    The flow is not looked at: `setup` may still be without one.
 
     Raises
     ------
     InputError
         For an unknown model, a scene that it does not fit, or one that takes more memory than
-        there is; found before anything large is allocated.
+        there is.
     """
     classes = _classes()
     if name not in classes:
         known = ", ".join(sorted(classes))
         raise InputError("--model", f"one of {known}", repr(name), "Choose one of these.")
     require_memory(classes[name].layout, name, setup)
-    return classes[name](name, setup)
+    classes[name].require_fit(setup)
+
+
+def build_model(name: str, setup: Setup) -> Model:
+    """The model called `name`, at the scene's start.
+
+    Raises
+    ------
+    InputError
+        As `require_fit`, or for a flow that the scene does not fit.
+    """
+    require_fit(name, setup)
+    return _classes()[name](name, setup)

@@ -24,7 +24,7 @@ class Setup:
     scene: Scene
     terms: Terms
     scheme: SchemeName
-    flow: FlowField | None
+    flow: FlowField | None  # None, too, while only the scene is looked at: `Model.require_fit`
     seed: int
     realisations: int
 
@@ -66,6 +66,11 @@ class Model(Protocol):
 
     def __init__(self, name: str, setup: Setup) -> None:
         """Build the model called `name` and put it to the scene's start."""
+        ...
+
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Raise InputError for a scene that the model does not fit; looks at no flow, costs nothing."""
         ...
 
     @property

@@ -33,10 +33,15 @@ class Diffusive(RGridEquation):
     names: ClassVar[tuple[str, ...]] = ("diffusive",)
 
     def __init__(self, name: str, setup: Setup) -> None:
-        _require_damping(setup)
         super().__init__(
             name, setup, CreepingEuler() if setup.scheme == "paper" else CreepingHeun()
         )
+
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Raise InputError for a grid that does not fit, or where nothing damps."""
+        RGridEquation.require_fit(setup)
+        _require_damping(setup)
 
 
 def _require_damping(setup: Setup) -> None:

@@ -146,6 +146,10 @@ class McKeanVlasov:
         self._forces = Forces(alone, together, KeptArrays())
         self._blocks = np.zeros(1, np.int64)
 
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Every scene fits."""
+
     @property
     def time(self) -> float:
         """The time that all samples have reached."""

@@ -86,6 +86,10 @@ class Microscopic:
         self._large = LargeCloud(self._drift, number) if number >= LEAST_LARGE else None
         self._room = KeptArrays()
 
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Every scene fits."""
+
     @property
     def time(self) -> float:
         """The time that the slowest realisation has reached."""

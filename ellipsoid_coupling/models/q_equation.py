@@ -93,6 +93,13 @@ class QEquation:
         self._crossing = CrossingDetector(self.system.terms.damping) if single else None
         self._mass_start = self._mass()
 
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Raise InputError for a grid that does not fit the domain, or too few angles."""
+        grid = _scene_q_grid(setup.scene)
+        if setup.terms.angle and grid.angles > 1:
+            check_angles(setup.scene.name, grid.angles)
+
     @property
     def time(self) -> float:
         """The time reached."""
@@ -227,8 +234,6 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     shape = potential_shape(scene.particles.length, scene.particles.width)
     grid = _scene_q_grid(scene)
     turns = terms.angle and grid.angles > 1
-    if turns:
-        check_angles(scene.name, grid.angles)
     fields = np.zeros((4 if terms.angle else 3, *grid.padded))
     inside(fields)[Q] = _start(grid, scene)
     interaction = None

@@ -105,6 +105,11 @@ class RGridEquation:
         """The cell width h."""
         return self.grid.cell
 
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Raise InputError where the cells do not divide the domain."""
+        scene_grid(setup.scene)
+
     @property
     def time(self) -> float:
         """The time reached."""

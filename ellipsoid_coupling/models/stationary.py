@@ -51,7 +51,6 @@ class StationaryState:
     layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
 
     def __init__(self, name: str, setup: Setup) -> None:
-        _require_stationary(setup.scene)
         self.name = name
         self._setup = setup
         self.grid: Grid = scene_grid(setup.scene)
@@ -60,6 +59,12 @@ class StationaryState:
         self._interaction = self._interaction_potential()
         self._potential = np.zeros(self.outer.shape)
         self._clock = np.array([0.0, 0.0, np.inf])
+
+    @staticmethod
+    def require_fit(setup: Setup) -> None:
+        """Raise InputError for a scene without a stationary state, or a grid that does not fit."""
+        _require_stationary(setup.scene)
+        scene_grid(setup.scene)
 
     @property
     def _cell_volume(self) -> float:

@@ -81,7 +81,8 @@ def scene_from_table(table: Table, where: str) -> Scene:
 def parse_toml(text: str, where: str) -> Table:
     """TOML text as a table; InputError for any mistake, sections nested too deeply included."""
     try:
-        table = tomllib.loads(text)
+        # Editors of other systems put a byte order mark in front, which is no part of the text.
+        table = tomllib.loads(text.removeprefix("\ufeff"))
         _check_nesting(table, where)
     except RecursionError:
         raise _too_deep(where) from None

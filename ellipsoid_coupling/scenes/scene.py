@@ -12,12 +12,24 @@ import re
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    model_validator,
+)
 
 from ellipsoid_coupling.limits import (
     LARGEST_NUMBER,
+    LEAST_CFL,
+    LEAST_TOLERANCE,
+    MOST_ANGLE_CELLS,
     MOST_COUNT,
     MOST_NAME,
+    MOST_SEED,
     SMALLEST_NUMBER,
     SMALLEST_STEP,
 )
@@ -46,6 +58,11 @@ def _file_name(name: str) -> str:
     return name
 
 
+def _listed(value: object) -> object:
+    """A single number stands for the list of it."""
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
 Number = Annotated[float, AfterValidator(_in_range)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
@@ -54,6 +71,9 @@ Interval = Annotated[tuple[Number, Number], Strict(False)]
 Line = Annotated[str, AfterValidator(_one_line)]
 Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
 Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
+Times = Annotated[
+    tuple[Positive, ...], Strict(False), Field(min_length=1), BeforeValidator(_listed)
+]
 Sides = Annotated[
     tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False), Field(min_length=1)
 ]
@@ -256,10 +276,10 @@ class Numerics(Part):
     """
 
     cell: Positive
-    angle_cells: Count = 60
+    angle_cells: Annotated[int, Field(ge=1, le=MOST_ANGLE_CELLS)] = 60
     time_step: Positive = 0.01
-    tolerance: Positive = 1e-4
-    cfl: Annotated[float, Field(gt=0, le=1)] = 0.9
+    tolerance: Annotated[Positive, Field(ge=LEAST_TOLERANCE)] = 1e-4
+    cfl: Annotated[float, Field(ge=LEAST_CFL, le=1)] = 0.9
     interaction: Literal["auto", "direct", "harmonics"] = "auto"
     harmonics_tolerance: Positive = 2e-2
 
@@ -269,7 +289,7 @@ class Scene(Part):
 
     name: Annotated[str, AfterValidator(_file_name)]
     title: Line = ""
-    times: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
+    times: Times
     domain: Domain
     particles: Particles
     start: Start
@@ -309,7 +329,7 @@ class RunPart(Part):
 
     model: Line | None = None
     scheme: Line = "accurate"
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=MOST_SEED)] = 0
     realisations: Count | None = None
     flow: Line = "none"
     flow_digest: Line = "none"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.metadata
 import importlib.util
 import json
 import re
@@ -17,6 +18,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import pyvista
+from packaging.requirements import Requirement
 
 from ellipsoid_coupling.flow import openfoam_available
 
@@ -172,15 +174,35 @@ def test_ci_calls_the_test_command() -> None:
 
 
 def test_the_lock_file_pins_everything_that_the_project_needs() -> None:
-    lines = (WORKFLOWS / "requirements.lock").read_text().splitlines()
-    pins = [line for line in lines if line and not line.startswith("#")]
-    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+", pin) for pin in pins)
-    names = {pin.split("==")[0].lower().replace("_", "-") for pin in pins}
-    project = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
-    for requirement in wanted:
-        name = re.split(r"[><=]", requirement)[0].lower().replace("_", "-")
-        assert name in names
+    """With all that these need in turn, as the installed packages tell it, and a hash for each."""
+    text = re.sub(r"(?m)^#.*\n", "", (WORKFLOWS / "requirements.lock").read_text())
+    pins = text.replace(" \\\n", "").splitlines()
+    pin = r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+(    --hash=sha256:[0-9a-f]{64})+"
+    assert all(re.fullmatch(pin, line) for line in pins)
+    names = {_plain_name(line.split("==")[0]) for line in pins}
+    project = tomllib.loads((TOP / "pyproject.toml").read_text())
+    left = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
+    left += project["project"]["optional-dependencies"]["dev"]
+    wanted: set[str] = set()
+    while left:
+        if (text := left.pop()) not in wanted:
+            wanted.add(text)
+            left += _requirements_of(Requirement(text))
+    assert {_plain_name(Requirement(text).name) for text in wanted} == names
+
+
+def _requirements_of(package: Requirement) -> list[str]:
+    """What an installed package needs here, its extras that are asked for included."""
+    return [
+        text
+        for text in importlib.metadata.requires(package.name) or []
+        if (marker := Requirement(text).marker) is None
+        or any(marker.evaluate({"extra": extra}) for extra in package.extras or {""})
+    ]
+
+
+def _plain_name(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def test_without_permission_setup_says_how_to_install(tmp_path: Path) -> None:

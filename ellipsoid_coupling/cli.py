@@ -255,7 +255,8 @@ def run(
     shown += ["mass_start", "mass_end"]
     known = [key for key in shown if key in result.attributes]
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
-    rows += [(k, f"{result.attributes[k]:.2f}") for k in ("wall_seconds", "compile_seconds")]
+    timed = [k for k in ("wall_seconds", "compile_seconds") if k in result.attributes]
+    rows += [(k, f"{result.attributes[k]:.2f}") for k in timed]
     print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
     _print(str(folder.path))
 

@@ -15,6 +15,8 @@ import stat
 import struct
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -79,34 +81,54 @@ def _mode(path: Path, test: Any) -> bool:
         return False
 
 
-def read_bytes(path: Path, expected: str, most: int) -> bytes:
-    """The content of an ordinary file of at most `most` bytes.
+@contextmanager
+def open_ordinary(path: Path, expected: str, most: int) -> Iterator[BinaryIO]:
+    """An ordinary file of at most `most` bytes, open to read.
 
     Parameters
     ----------
     path : what the user named
     expected : what it should be, for the message: "a scene file"
 
-    Raises InputError for anything else: missing, a folder, a pipe, a device, too large, unreadable.
+    Raises InputError for anything else: missing, a folder, a pipe, a device, too large, unreadable;
+    and for an error of the system while it is read.
     """
+    try:
+        with _opened(path, expected) as file:
+            status = os.fstat(file.fileno())
+            _require_ordinary(path, expected, status.st_mode)
+            if status.st_size > most:
+                raise _too_large(path, expected, most)
+            yield file
+    except OSError as error:
+        found = _REASONS.get(error.errno or 0, error.strerror or "an error of the system")
+        raise InputError(str(path), expected, found, "Check the path.") from None
+
+
+def _opened(path: Path, expected: str) -> BinaryIO:
     try:
         _require_ordinary(path, expected, path.stat().st_mode)
         # Not blocking: the file may have become a pipe since.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(handle, "rb") as file:  # noqa: PTH123
-            _require_ordinary(path, expected, os.fstat(handle).st_mode)
-            data = _read_at_most(file, most + 1)
-    except OSError as error:
-        found = _REASONS.get(error.errno or 0, error.strerror or "an error of the system")
-        raise InputError(str(path), expected, found, "Check the path.") from None
     except ValueError as error:  # a zero byte in the name
         raise InputError(repr(str(path)), expected, str(error), "Correct the path.") from None
+    return open(handle, "rb")  # noqa: PTH123
+
+
+def read_bytes(path: Path, expected: str, most: int) -> bytes:
+    """The content of an ordinary file of at most `most` bytes; raises as `open_ordinary`."""
+    with open_ordinary(path, expected, most) as file:
+        data = _read_at_most(file, most + 1)  # files of /proc tell no size
     if len(data) > most:
-        raise InputError(
-            str(path), f"{expected} of at most {in_words(most)}",
-            f"more than {in_words(most)}", "Check that it is the right file.",
-        )  # fmt: skip
+        raise _too_large(path, expected, most)
     return data
+
+
+def _too_large(path: Path, expected: str, most: int) -> InputError:
+    return InputError(
+        str(path), f"{expected} of at most {in_words(most)}",
+        f"more than {in_words(most)}", "Check that it is the right file.",
+    )  # fmt: skip
 
 
 def _read_at_most(file: BinaryIO, most: int) -> bytes:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -15,9 +14,8 @@ from ellipsoid_coupling import histograms
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.inputs import exists, is_folder
-from ellipsoid_coupling.limits import memory_limit
+from ellipsoid_coupling.netcdf import Stored, read_netcdf, write_netcdf
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table
-from ellipsoid_coupling.seal import read_sealed, sealed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,6 +48,15 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
     "density": ("1", "probability density"),
     "mean_angle": ("rad", "mean angle of the main axis against the x axis"),
 }
+
+# Attributes that the package shows, and those that it counts with; others may be anything.
+_TEXTS = ("model", "scheme", "status", "resolution", "flow", "package_version", "step_limits")
+_NUMBERS = (
+    "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
+    "compile_seconds",
+)  # fmt: skip
+_LONGEST = 10_000
+_REMEDY = "Give a result.nc that this package wrote."
 
 
 @dataclass(frozen=True)
@@ -117,7 +124,20 @@ class Result:
         return np.array([histograms.field_angles(a, d, bins) for a, d in pairs])
 
     def to_dataset(self) -> xr.Dataset:
-        """The result as xarray data set, as it stands in result.nc."""
+        """The result as an xarray data set that may be merged with those of other models.
+
+        Grids are as they stand in result.nc. The variables of particles, over (time, realisation,
+        particle), are called particle_x, particle_y, particle_angle, particle_velocity_x, ...: there
+        they share names with the axes and fields of grids, which xarray would take for the same
+        quantity and spread over all axes of both (terabytes).
+        """
+        data = self._file_dataset()
+        if self.layout != "particles":
+            return data
+        return data.rename_vars({name: f"particle_{name}" for name in data.data_vars})
+
+    def _file_dataset(self) -> xr.Dataset:
+        """With the names of result.nc."""
         import xarray as xr
 
         dimensions = DIMENSIONS[self.layout]
@@ -135,8 +155,6 @@ class Result:
     def save(self, path: Path) -> None:
         """Write result.nc (NetCDF-4) with a checksum behind it, whole or not there.
 
-        Made in memory first: the HDF5 library does not survive a full disk.
-
         Raises
         ------
         WriteError
@@ -144,12 +162,11 @@ class Result:
         """
         from ellipsoid_coupling.scenes import scene_to_toml
 
-        data = self.to_dataset()
+        data = self._file_dataset()
+        data.attrs |= {name: _one_line(value) for name, value in data.attrs.items()}
         data.attrs["scene_toml"] = scene_to_toml(self.scene)
-        memory = io.BytesIO()
-        data.to_netcdf(memory, engine="h5netcdf")
         with whole_file(path) as beside:
-            beside.write_bytes(sealed(memory.getvalue()))
+            write_netcdf(data, beside)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -160,69 +177,78 @@ class Result:
         InputError
             If there is none, it is not one of this package, or its parts do not fit together.
         """
-        import xarray as xr
-
         file = Path(path)
         file = file / "result.nc" if is_folder(file) else file
         if not exists(file):
             raise InputError(str(path), "a run folder or a result.nc", "none", "Check the path.")
-        content = read_sealed(file, "a result file", memory_limit())
-        try:
-            # Values stay as they were written: no decoding of times and fill values.
-            with xr.open_dataset(io.BytesIO(content), engine="h5netcdf", decode_cf=False) as data:
-                data.load()
-            attributes: Mapping[str, Any] = {str(k): v for k, v in data.attrs.items()}
-            toml = str(attributes["scene_toml"])
-            layout = next(k for k, dims in DIMENSIONS.items() if {*dims} == {*map(str, data.dims)})
-        except (OSError, ValueError, KeyError, TypeError, RuntimeError, StopIteration) as error:
-            found = str(error) or "none of the known sets of dimensions"
-            remedy = "Give a result.nc that this package wrote."
-            raise InputError(str(file), "a result file", found, remedy) from None
-        scene = scene_from_table(parse_toml(toml, str(file)), str(file))
-        result = cls._from_dataset(data, attributes, scene, layout)
-        result._check(str(file))
+        stored, where = read_netcdf(file), str(file)
+        layout = next((k for k, dims in DIMENSIONS.items() if {*dims} == {*stored.sizes}), None)
+        toml = stored.attributes.get("scene_toml")
+        if layout is None or not isinstance(toml, str):
+            found = "none of the known sets of dimensions" if layout is None else "no scene_toml"
+            raise InputError(where, "a result file", found, _REMEDY)
+        result = cls._from_stored(stored, scene_from_table(parse_toml(toml, where), where), layout)
+        result._check(where, tuple(stored.sizes[name] for name in DIMENSIONS[layout]))
         return result
 
-    def _check(self, where: str) -> None:
-        """InputError unless the variables are those of the layout, finite, at the scene's times."""
-        remedy = "Give a result.nc that this package wrote."
-        count = self.times.size
-        if not np.array_equal(self.times, self.scene.times[:count]):
-            expected = f"the scene's times {self.scene.times}"
-            raise InputError(f"{where}, time", expected, str(self.times), remedy)
-        wanted = VARIABLES[self.layout]
-        if set(self.variables) != set(wanted):
-            found = ", ".join(sorted(self.variables)) or "none"
-            raise InputError(where, f"the variables {', '.join(wanted)}", found, remedy)
-        shapes = {array.shape for array in self.variables.values()}
-        dimensions = DIMENSIONS[self.layout]
-        for name, array in self.variables.items():
-            if array.ndim != len(dimensions) or len(shapes) > 1 or array.dtype.kind != "f":
-                expected = f"floats over ({', '.join(dimensions)}), alike for all variables"
-                found = f"{array.dtype} {array.shape}"
-                raise InputError(f"{where}, {name}", expected, found, remedy)
-            if not np.isfinite(array).all():
-                bad = np.argwhere(~np.isfinite(array))[0].tolist()
-                raise InputError(
-                    f"{where}, {name}{bad}", "a finite number", "NaN or infinity", remedy
-                )
-
     @classmethod
-    def _from_dataset(
-        cls, data: xr.Dataset, attributes: Mapping[str, Any], scene: Scene, layout: Layout
-    ) -> Self:
+    def _from_stored(cls, stored: Stored, scene: Scene, layout: Layout) -> Self:
+        arrays, attributes = stored.arrays, stored.attributes
         named = ("scene", "model", "scheme", "scene_toml")
+        axes = [k for k in DIMENSIONS[layout] if k != "time" and k in arrays]
         return cls(
             scene=scene,
             model=str(attributes.get("model", "")),
             scheme=str(attributes.get("scheme", "")),
             layout=layout,
-            times=np.asarray(data["time"].values, dtype=np.float64),
-            variables={str(k): np.asarray(v.values) for k, v in data.data_vars.items()},
-            coordinates={str(k): np.asarray(data[k].values) for k in data.coords if k != "time"},
-            attributes={k: _plain(v) for k, v in attributes.items() if k not in named},
+            times=np.asarray(arrays.get("time", ()), dtype=np.float64),
+            variables={k: v for k, v in arrays.items() if k not in ("time", *axes)},
+            coordinates={k: arrays[k] for k in axes},
+            attributes={k: v for k, v in attributes.items() if k not in named},
         )
 
+    def _check(self, where: str, shape: tuple[int, ...]) -> None:
+        """InputError unless the variables are those of the layout, finite, at the scene's times."""
+        count = self.times.size
+        if not np.array_equal(self.times, self.scene.times[:count]):
+            expected = f"the scene's times {self.scene.times}"
+            raise InputError(f"{where}, time", expected, str(self.times), _REMEDY)
+        wanted = VARIABLES[self.layout]
+        if set(self.variables) != set(wanted):
+            found = ", ".join(sorted(self.variables)) or "none"
+            raise InputError(where, f"the variables {', '.join(wanted)}", found, _REMEDY)
+        for name, array in self.variables.items():
+            if array.shape != shape or array.dtype != np.float64:
+                over = ", ".join(DIMENSIONS[self.layout])
+                expected = f"floats over ({over}) = {shape}, alike for all variables"
+                found = f"{array.dtype} {array.shape}"
+                raise InputError(f"{where}, {name}", expected, found, _REMEDY)
+        for name, array in (self.variables | self.coordinates).items():
+            if array.dtype.kind != "f" or not np.isfinite(array).all():
+                bad = (
+                    np.argwhere(~np.isfinite(array))[0].tolist() if array.dtype.kind == "f" else ""
+                )
+                raise InputError(
+                    f"{where}, {name}{bad}", "a finite number", "NaN or infinity", _REMEDY
+                )
+        self._check_attributes(where)
 
-def _plain(value: object) -> object:
-    return value.item() if isinstance(value, np.generic) else value
+    def _check_attributes(self, where: str) -> None:
+        """InputError unless what the package itself shows or counts with is of its kind."""
+        shown = {"model": self.model, "scheme": self.scheme, **self.attributes}
+        for name, value in shown.items():
+            is_text, is_number = isinstance(value, str), isinstance(value, int | float)
+            if name in _TEXTS and not (is_text and value.isprintable() and len(value) < _LONGEST):
+                expected = f"one line of at most {_LONGEST} characters"
+                raise InputError(f"{where}, attribute {name}", expected, repr(value), _REMEDY)
+            if name in _NUMBERS and not (is_number and math.isfinite(value)):
+                raise InputError(
+                    f"{where}, attribute {name}", "a finite number", repr(value), _REMEDY
+                )
+
+
+def _one_line(value: object) -> object:
+    """Text as `Result.load` takes it back: what is not printable as escapes."""
+    if not isinstance(value, str):
+        return value
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in value)[: _LONGEST - 1]

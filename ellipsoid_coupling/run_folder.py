@@ -38,6 +38,7 @@ _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "chec
 _WRITING_PART = 0.02
 _PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
 _FORMAT = 2
+_MOST_META = 200  # characters; json reads what is nested by recursion
 
 
 @dataclass(frozen=True)
@@ -182,9 +183,12 @@ class RunFolder:
         file = self.path / CHECKPOINT_FILE
         if not self.resume or not exists(file):
             return None
-        arrays = read_arrays(file, "a whole checkpoint", memory_limit())
+        # Stored as it is, what a checkpoint holds is less than its file; what is packed is not ours.
+        size = min(file.stat().st_size, memory_limit())
+        arrays = read_arrays(file, "a whole checkpoint", size)
         try:
-            known = json.loads(str(arrays.pop("meta")))["format"] == _FORMAT
+            meta = str(arrays.pop("meta"))
+            known = len(meta) < _MOST_META and json.loads(meta)["format"] == _FORMAT
         except (KeyError, ValueError, TypeError):
             known = False
         if not known:

@@ -18,6 +18,7 @@ ORDER = [
     "inputs",
     "files",
     "seal",
+    "netcdf",
     "interruption",
     "instructions",
     "registers",

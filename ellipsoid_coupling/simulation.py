@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import signal
 import time
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from ellipsoid_coupling.limits import LONGEST_RUN
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, scheme_named
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.run_flow import run_flow
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
 
@@ -33,26 +33,28 @@ Report = Callable[[str, float], None]
 
 
 def scene_flow(
-    scene: Scene, path: str | Path | None = None, report: Report | None = None
+    scene: Scene, given: FlowField | str | Path | None = None, report: Report | None = None
 ) -> FlowField | None:
-    """The flow that a scene names, or the one at `path`; None for a scene without a fluid.
+    """The flow that a scene names, or the one `given`; None for a scene without a fluid.
 
     Raises
     ------
     InputError
-        For an unknown flow, or a `path` that is no solved case; or a path given to a scene without
+        For an unknown flow, or a path that is no solved case; or a flow given to a scene without
         [flow].
     """
     if scene.flow is None:
-        if path is not None:
+        if given is not None:
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
         return None
-    if path is None and scene.flow.source == "closed_form":
+    if isinstance(given, FlowField):
+        return given
+    if given is None and scene.flow.source == "closed_form":
         return analytic_flow(scene.flow.field)
-    given = Path(path) if path is not None else None
-    return obtain_flow(scene.flow.field, scene.flow.cells, given, report=report)
+    path = Path(given) if given is not None else None
+    return obtain_flow(scene.flow.field, scene.flow.cells, path, report=report)
 
 
 def simulate(
@@ -75,7 +77,7 @@ def simulate(
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
     flow : FlowField, path or None
-        Replaces the scene's own flow.
+        Replaces the scene's own flow. A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
     realisations : int, optional
@@ -101,7 +103,10 @@ def simulate(
     place = RunFolder(folder) if isinstance(folder, Path) else folder
     if place is not None:
         place.check()
-    field = flow if isinstance(flow, FlowField) else scene_flow(scene, flow, report)
+    if flow is None and place is not None and place.keeps_flow:
+        field = run_flow(place.path, scene)
+    else:
+        field = scene_flow(scene, flow, report)
     setup = Setup(
         scene=scene,
         terms=terms_of(scene, model),
@@ -131,7 +136,7 @@ class _Run:
             self.model: Model = build_model(self.name, self.setup)
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
-                claim.enter_context(self.folder.claimed(*self._identity()))
+                claim.enter_context(self.folder.claimed(*self._identity(), self.setup.flow))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -153,7 +158,7 @@ class _Run:
             "seed": setup.seed,
             "realisations": setup.realisations,
             "flow": flow.origin if flow else "none",
-            "flow_digest": _digest(flow) if flow else "none",
+            "flow_digest": flow.digest if flow else "none",
         }
         return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
@@ -244,6 +249,7 @@ class _Run:
                 "seed": self.setup.seed,
                 "resolution": _resolution(self.model.layout, self.setup),
                 "flow": self.setup.flow.origin if self.setup.flow else "none",
+                "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
                 **self.model.counts(),
                 "wall_seconds": float(wall),
@@ -262,14 +268,6 @@ def _finished(folder: RunFolder) -> Result | None:
         return None
     result = Result.load(folder.path)
     return result if result.status == "completed" else None
-
-
-def _digest(flow: FlowField) -> str:
-    """What tells two flows apart, by their numbers."""
-    digest = hashlib.sha256()
-    for part in flow.arrays:
-        digest.update(np.ascontiguousarray(part).tobytes())
-    return digest.hexdigest()[:16]
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:

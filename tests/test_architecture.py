@@ -33,6 +33,7 @@ ORDER = [
     "histograms",
     "result",
     "run_folder",
+    "run_flow",
     "checkpoint",
     "monitors",
     "simulation",

@@ -229,6 +229,7 @@ def run(
         Instead of the scene's number.
     """
     from ellipsoid_coupling.models import scheme_named
+    from ellipsoid_coupling.run_flow import repeated_flow
     from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
@@ -239,20 +240,21 @@ def run(
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     keeping.check()
     kind = scheme_named(scheme or before.scheme)
+    given = flow or repeated_flow(scene, chosen)
     folder = keeping.place(f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
             chosen,
             name,
             kind,
-            flow=flow,
+            flow=given,
             seed=seed if seed is not None else before.seed,
             realisations=realisations if realisations is not None else before.realisations,
             folder=folder,
             report=report,
         )
     shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
-    shown += ["mass_start", "mass_end"]
+    shown += ["mass_start", "mass_end", "particles_outside_flow"]
     known = [key for key in shown if key in result.attributes]
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
     timed = [k for k in ("wall_seconds", "compile_seconds") if k in result.attributes]
@@ -281,13 +283,13 @@ def compare(
         One scene (every model that fits it is run with both schemes, coarse to fine), or finished
         run folders.
     flow
-        As in `run`.
+        As in `run`; finished runs have their own.
     longest
         Seconds that one run may take; finer levels are left out, and told.
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
-    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.run_flow import load_runs, repeated_flow
     from ellipsoid_coupling.simulation import scene_flow
 
     if not 0.0 < longest < math.inf:
@@ -296,12 +298,15 @@ def compare(
     with ProgressReporter() as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
-            field = scene_flow(scene, flow, report)
+            field = scene_flow(scene, flow or repeated_flow(what[0], scene), report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
         else:
-            results = [Result.load(path) for path in what]
+            if flow is not None or set_ is not None:
+                found = "--flow or --set with runs, which have their own scene and flow"
+                raise InputError("compare", "runs alone", found, "Leave it out.")
+            results, flows = load_runs(what)
             scene = results[0].scene
-            frontier = compare_runs(results, scene_flow(scene, flow, report))
+            frontier = compare_runs(results, flows)
     folder = output.folder(f"compare-{scene.name}")
     report_frontiers([frontier], folder)
     _print(str(folder))
@@ -347,15 +352,12 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
         Overwrite files that an earlier export left.
     """
     from ellipsoid_coupling.output.paraview import export as write
-    from ellipsoid_coupling.result import Result
+    from ellipsoid_coupling.run_flow import load_runs
     from ellipsoid_coupling.run_folder import require_free
-    from ellipsoid_coupling.simulation import scene_flow
 
-    result = Result.load(run)
+    (result,), (field,) = load_runs([run])
     folder = (run if run.is_dir() else run.parent) / "paraview"
     require_free(folder, force=force, option="")
-    with ProgressReporter() as report:
-        field = scene_flow(result.scene, None, report)
     write(result, folder, flow=field)
     _print(str(folder))
 
@@ -370,15 +372,13 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
         Run folders; those of one scene are drawn together.
     """
     from ellipsoid_coupling.output.figures import draw_all
-    from ellipsoid_coupling.result import Result
-    from ellipsoid_coupling.simulation import scene_flow
+    from ellipsoid_coupling.run_flow import load_runs
 
     output.check()
-    results = [Result.load(path) for path in runs]
+    results, flows = load_runs(runs)
     folder = output.folder("figures")
     folder.mkdir(parents=True, exist_ok=True)
-    with ProgressReporter() as report:
-        draw_all(results, folder, flow=scene_flow(results[0].scene, None, report))
+    draw_all(results, folder, flows)
     _print(str(folder))
 
 

@@ -28,17 +28,25 @@ from ellipsoid_coupling.files import (
     whole_file,
     write_arrays,
 )
+from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
 from ellipsoid_coupling.limits import LONGEST_RUN, MOST_SCENE_BYTES, memory_limit
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
-_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE = "run.toml", "result.nc", "checkpoint.npz"
+_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE = (
+    "run.toml",
+    "result.nc",
+    "checkpoint.npz",
+    "flow.npz",
+)
 
 # Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
 _WRITING_PART = 0.02
 _PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
 _FORMAT = 2
 _MOST_META = 200  # characters; json reads what is nested by recursion
+# In [run]: where the flow came from. The next one of the same numbers may come from elsewhere.
+_IN_WORDS = "flow"
 
 
 @dataclass(frozen=True)
@@ -100,16 +108,20 @@ class RunFolder:
         `run` and `scene` as in `claimed`; what `run` tells of the flow is left out.
         """
         if self.resume and exists(self.path / RUN_FILE):
-            self._require_same({"run": run, "scene": scene}, but=("flow", "flow_digest"))
+            self._require_same({"run": run, "scene": scene}, but=("flow_digest",))
 
     @contextmanager
-    def claimed(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[None]:
-        """Inside, the folder is this process's alone and holds the run.toml of this run.
+    def claimed(
+        self, run: Mapping[str, Any], scene: Mapping[str, Any], flow: FlowField | None = None
+    ) -> Iterator[None]:
+        """Inside, the folder is this process's alone and holds the run.toml and flow of this run.
 
         Parameters
         ----------
         run, scene : mapping
             The parts of run.toml that a resumed run must have in common with the one started.
+        flow : FlowField or None
+            The one that the run uses; its digest stands in `run`.
 
         Raises
         ------
@@ -128,6 +140,9 @@ class RunFolder:
                 self._require_same({"run": run, "scene": scene})
             else:
                 self._begin({"run": run, "versions": _versions(), "scene": scene})
+            # After run.toml: a run that is killed in between gets it when it is resumed.
+            if flow is not None and not exists(self.path / FLOW_FILE):
+                flow.save(self.path / FLOW_FILE)
             yield
         finally:
             os.close(handle)  # and with it the lock, which a kill releases as well
@@ -145,7 +160,7 @@ class RunFolder:
         for part, values in same.items():
             keys = set(values) | set(before.get(part, {}))
             # `but` names keys of [run]; [scene] has a section flow of its own.
-            for key in sorted(keys - set(but if part == "run" else ())):
+            for key in sorted(keys - ({_IN_WORDS, *but} if part == "run" else set())):
                 old, new = before.get(part, {}).get(key), values.get(key)
                 if old != new:
                     raise InputError(
@@ -161,6 +176,11 @@ class RunFolder:
                 _short(_versions()),
                 "Install those, or start again in another --out: it would not be the same bits.",
             )
+
+    @property
+    def keeps_flow(self) -> bool:
+        """Whether the run to be resumed has left its flow here."""
+        return self.resume and exists(self.path / RUN_FILE) and exists(self.path / FLOW_FILE)
 
     @property
     def result(self) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import signal
 import time
 from collections.abc import Callable
@@ -33,6 +32,7 @@ from ellipsoid_coupling.models import (
 )
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.run_flow import run_flow
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
 
@@ -40,26 +40,28 @@ Report = Callable[[str, float], None]
 
 
 def scene_flow(
-    scene: Scene, path: str | Path | None = None, report: Report | None = None
+    scene: Scene, given: FlowField | str | Path | None = None, report: Report | None = None
 ) -> FlowField | None:
-    """The flow that a scene names, or the one at `path`; None for a scene without a fluid.
+    """The flow that a scene names, or the one `given`; None for a scene without a fluid.
 
     Raises
     ------
     InputError
-        For an unknown flow, or a `path` that is no solved case; or a path given to a scene without
+        For an unknown flow, or a path that is no solved case; or a flow given to a scene without
         [flow].
     """
     if scene.flow is None:
-        if path is not None:
+        if given is not None:
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
         return None
-    if path is None and scene.flow.source == "closed_form":
+    if isinstance(given, FlowField):
+        return given
+    if given is None and scene.flow.source == "closed_form":
         return analytic_flow(scene.flow.field)
-    given = Path(path) if path is not None else None
-    return obtain_flow(scene.flow.field, scene.flow.cells, given, report=report)
+    path = Path(given) if given is not None else None
+    return obtain_flow(scene.flow.field, scene.flow.cells, path, report=report)
 
 
 def simulate(
@@ -82,7 +84,7 @@ def simulate(
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
     flow : FlowField, path or None
-        Replaces the scene's own flow.
+        Replaces the scene's own flow. A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
     realisations : int, optional
@@ -109,7 +111,10 @@ def simulate(
     if place is not None:
         place.check()
         place.check_same(*_identity(model, setup))
-    field = flow if isinstance(flow, FlowField) else scene_flow(scene, flow, report)
+    if flow is None and place is not None and place.keeps_flow:
+        field = run_flow(place.path, scene)
+    else:
+        field = scene_flow(scene, flow, report)
     return _Run(model, replace(setup, flow=field), place, report).go()
 
 
@@ -149,7 +154,7 @@ def _identity(name: str, setup: Setup) -> tuple[dict[str, Any], dict[str, Any]]:
         "seed": setup.seed,
         "realisations": setup.realisations,
         "flow": flow.origin if flow else "none",
-        "flow_digest": _digest(flow) if flow else "none",
+        "flow_digest": flow.digest if flow else "none",
     }
     return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
@@ -172,7 +177,8 @@ class _Run:
             self.model: Model = build_model(self.name, self.setup)
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
-                claim.enter_context(self.folder.claimed(*_identity(self.name, self.setup)))
+                identity = _identity(self.name, self.setup)
+                claim.enter_context(self.folder.claimed(*identity, self.setup.flow))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -272,6 +278,7 @@ class _Run:
                 "seed": self.setup.seed,
                 "resolution": _resolution(self.model.layout, self.setup),
                 "flow": self.setup.flow.origin if self.setup.flow else "none",
+                "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
                 **self.model.counts(),
                 "wall_seconds": float(wall),
@@ -290,14 +297,6 @@ def _finished(folder: RunFolder) -> Result | None:
         return None
     result = Result.load(folder.path)
     return result if result.status == "completed" else None
-
-
-def _digest(flow: FlowField) -> str:
-    """What tells two flows apart, by their numbers."""
-    digest = hashlib.sha256()
-    for part in flow.arrays:
-        digest.update(np.ascontiguousarray(part).tobytes())
-    return digest.hexdigest()[:16]
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:

@@ -34,6 +34,7 @@ ORDER = [
     "histograms",
     "result",
     "run_folder",
+    "run_flow",
     "checkpoint",
     "monitors",
     "simulation",

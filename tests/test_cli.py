@@ -37,12 +37,14 @@ def test_run_leaves_a_run_folder_and_prints_its_path_last(
     assert out.strip().splitlines()[-1] == str(tmp_path / "a")
     assert "100 %" in err  # plain lines, as there is no terminal
     assert "\x1b" not in err
-    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["result.nc", "run.toml"]
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == [
+        "flow.npz", "result.nc", "run.toml",
+    ]  # fmt: skip
 
 
 def test_a_run_is_repeated_from_its_run_toml(tmp_path: Path) -> None:
     run_small(tmp_path / "a", "microscopic")
-    again = ["run", str(tmp_path / "a" / "run.toml"), *FLOW, "--out", str(tmp_path / "b")]
+    again = ["run", str(tmp_path / "a" / "run.toml"), "--out", str(tmp_path / "b")]
     assert status_of(*again) == 0
     first, second = Result.load(tmp_path / "a"), Result.load(tmp_path / "b")
     assert (first.variables["x"] == second.variables["x"]).all()
@@ -98,14 +100,12 @@ def test_plan_lists_every_term(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_compare_export_and_figures_of_finished_runs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The flow of later commands comes as it does for `run`: here, as if OpenFOAM were missing."""
-    monkeypatch.setattr("ellipsoid_coupling.flow.obtain.openfoam_available", lambda: False)
     runs = [str(tmp_path / model) for model in ("microscopic", "rho_mono_kinetic")]
     for folder in runs:
         run_small(Path(folder), Path(folder).name)
-    assert status_of("compare", *runs, *FLOW, "--out", str(tmp_path / "compare")) == 0
+    assert status_of("compare", *runs, "--out", str(tmp_path / "compare")) == 0
     assert (tmp_path / "compare" / "errors.csv").is_file()
     assert len(list((tmp_path / "compare").glob("*.png"))) == 1
     assert status_of("figures", *runs, "--out", str(tmp_path / "figures")) == 0

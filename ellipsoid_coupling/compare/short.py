@@ -149,22 +149,30 @@ def _failed_row(case: Case, error: RunError) -> FrontierRow:
     )
 
 
-def compare_runs(results: Sequence[Result], flow: FlowField | None) -> Frontier:
+def compare_runs(
+    results: Sequence[Result], flow: FlowField | Sequence[FlowField | None] | None
+) -> Frontier:
     """Hold finished runs of one scene against the exact solution or their largest ensemble.
+
+    Parameters
+    ----------
+    results : Results
+    flow : that of all of them, or one a result; None for a scene without fluid
 
     Raises
     ------
     InputError
-        For runs of different scenes, or none that can be the reference.
+        For runs of different scenes or in different flows, or none that can be the reference.
     """
     scene = results[0].scene
     names = {result.scene.name for result in results}
     if len(names) > 1:
         remedy = "Compare one scene at a time."
         raise InputError("compare", "runs of one scene", ", ".join(sorted(names)), remedy)
+    common = _common_flow(flow) if isinstance(flow, Sequence) else flow
     exact = has_exact_reference(scene)
     if exact:
-        reference = exact_reference(scene, flow)
+        reference = exact_reference(scene, common)
     else:
         ensembles = [result for result in results if result.layout == "particles"]
         if not ensembles:
@@ -175,3 +183,12 @@ def compare_runs(results: Sequence[Result], flow: FlowField | None) -> Frontier:
     finest = {(result.model, result.scheme): result for result in results}
     sampling = sampling_errors(reference)
     return Frontier(rows, reference, exact, sampling, finest, _reference_name(exact))
+
+
+def _common_flow(flows: Sequence[FlowField | None]) -> FlowField | None:
+    """The one flow that all are; InputError where their numbers differ."""
+    found = {flow.digest: flow for flow in flows if flow is not None}
+    if len(found) > 1:
+        told = "; ".join(f"{flow.origin} (digest {digest})" for digest, flow in found.items())
+        raise InputError("compare", "runs in one flow", told, "Compare runs in the same flow.")
+    return next(iter(found.values()), None)

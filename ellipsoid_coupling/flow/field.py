@@ -14,6 +14,7 @@ with the cubic B-spline B, so velocity and gradient come from the same 16 coeffi
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -185,6 +186,14 @@ class FlowField:
             float(y[0]) - RIM * height, float(y[-1]) + RIM * height, cells.astype(np.uint8),
         )  # fmt: skip
         return cls(arrays, origin)
+
+    @property
+    def digest(self) -> str:
+        """What tells two flows apart: a hash of their numbers, whatever they are called."""
+        digest = hashlib.sha256()
+        for part in self.arrays:
+            digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.hexdigest()[:16]
 
     @property
     def cells(self) -> tuple[int, int]:

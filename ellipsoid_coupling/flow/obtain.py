@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, WriteError
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.openfoam import (
     Report,
@@ -17,6 +19,7 @@ from ellipsoid_coupling.flow.openfoam import (
     solved_folder,
 )
 from ellipsoid_coupling.flow.programs import INSTALL, openfoam_available
+from ellipsoid_coupling.kernels import cache_home
 
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
@@ -63,6 +66,25 @@ def obtain_flow(
     return _from("shipped, as OpenFOAM is not installed", FlowField.load(SHIPPED / f"{case}.npz"))
 
 
+def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
+    """The shipped field, or the cache's, of a case with this digest; None where there is none.
+
+    No program of OpenFOAM's is started, not even to ask for its version: every solution of that name
+    in the cache is looked at. For what was computed once and must not be computed anew.
+    """
+    name = Path(case).name
+    shipped = [path for path in SHIPPED.glob("*.npz") if path.stem == case]
+    for path in shipped:
+        if (field := FlowField.load(path)).digest == digest:
+            return field
+    for kept in sorted((cache_home() / "flows").glob(f"{glob.escape(name)}-{cells}-*")):
+        # One that cannot be read is not the one that is looked for.
+        with suppress(InputError):
+            if is_solved(kept) and (field := _field_of(kept)).digest == digest:
+                return field
+    return None
+
+
 def flow_at(path: Path) -> FlowField:
     """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
     if path.suffix == ".npz":
@@ -91,7 +113,9 @@ def _field_of(solved: Path) -> FlowField:
     from ellipsoid_coupling.flow.reader import read_case
 
     field = read_case(solved)
-    field.save(saved)
+    # A cache that is only to be read serves all the same.
+    with suppress(WriteError):
+        field.save(saved)
     return field
 
 

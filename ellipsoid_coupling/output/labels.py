@@ -25,7 +25,7 @@ def model_name(model: str) -> str:
 
 
 def result_labels(results: Sequence[Result]) -> list[str]:
-    """One label a result: the model; scheme, resolution, scene and seed where labels repeat."""
+    """One label a result: the model; scheme, resolution, scene, seed, number where labels repeat."""
     labels = [model_name(result.model) for result in results]
     additions = [
         [result.scheme for result in results],
@@ -40,4 +40,6 @@ def result_labels(results: Sequence[Result]) -> list[str]:
         if len(set(longer)) > len(set(labels)):
             pairs = zip(labels, longer, strict=True)
             labels = [long if counts[label] > 1 else label for label, long in pairs]
-    return labels
+    counts = Counter(labels)
+    numbered = enumerate(labels, 1)
+    return [f"{label}, run {k}" if counts[label] > 1 else label for k, label in numbered]

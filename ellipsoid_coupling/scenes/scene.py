@@ -224,6 +224,11 @@ class Flow(Part):
     drag: NotNegative
     angular_drag: NotNegative
 
+    @property
+    def named(self) -> tuple[str, str, int]:
+        """What the flow itself depends on: source, field and cells."""
+        return self.source, self.field, self.cells
+
 
 class InteractionPart(Part):
     """The pair potential's strength eps0; its shape follows from the particles' size."""

@@ -30,5 +30,11 @@ def test_what_all_share_is_left_out(rho_result: Result) -> None:
     assert result_labels(seeds) == ["rho, mono-kinetic, seed 1", "rho, mono-kinetic, seed 2"]
 
 
+def test_what_nothing_tells_apart_is_numbered(particle_result: Result, rho_result: Result) -> None:
+    """Files are named after labels: no two may be alike."""
+    labels = result_labels([rho_result, particle_result, rho_result])
+    assert labels == ["rho, mono-kinetic, run 1", "microscopic", "rho, mono-kinetic, run 3"]
+
+
 def test_unknown_models_keep_their_name() -> None:
     assert model_name("something_new") == "something_new"

@@ -50,10 +50,14 @@ def panel_grid(figure: Figure, rows: int, columns: int, **options: Any) -> NDArr
 
 def add_title(figure: Figure, title: str) -> None:
     """A title above all panels, wrapped to the figure's width; none for an empty text."""
+    if title:
+        figure.suptitle(wrapped(figure, title))
+
+
+def wrapped(figure: Figure, title: str) -> str:
+    """A title in lines that fit the figure's width."""
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
-    lines = [textwrap.fill(line, width) for line in title.splitlines()]
-    if lines:
-        figure.suptitle("\n".join(lines))
+    return "\n".join(textwrap.fill(line, width) for line in title.splitlines())
 
 
 def save_figure(figure: Figure, path: Path) -> Path:

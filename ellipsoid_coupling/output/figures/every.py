@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures.angles import draw_angles
@@ -14,41 +15,70 @@ from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.labels import result_labels
 from ellipsoid_coupling.result import Result
 
-Group = list[Result]
+
+class Group(NamedTuple):
+    """The results of one scene, and the flow of each."""
+
+    results: list[Result]
+    flows: list[FlowField | None]
 
 
-def draw_all(results: Sequence[Result], folder: Path, flow: FlowField | None = None) -> list[Path]:
+def draw_all(
+    results: Sequence[Result],
+    folder: Path,
+    flow: FlowField | Sequence[FlowField | None] | None = None,
+) -> list[Path]:
     """Draw what applies, scene by scene; the paths in the order drawn.
 
     density_SCENE.png, angles_SCENE.png; ellipses_SCENE_LABEL.png for every particle result;
-    flow_SCENE.png with a flow, for scenes that have a fluid; density_A_and_B.png where two scenes
-    share domain and times (such as the cavity with and without interaction), in common colours and
-    without the bare histograms. Results without any saved time are left out.
+    flow_SCENE.png with a flow (flow_SCENE_2.png, ... where results of one scene have others);
+    density_A_and_B.png where two scenes share domain and times (such as the cavity with and without
+    interaction), in common colours and without the bare histograms. Results without any saved time
+    are left out.
+
+    Parameters
+    ----------
+    results : Results
+    folder : made where it is missing
+    flow : that of all results, or one a result; drawn for scenes that have a fluid
     """
+    flows = flow if isinstance(flow, Sequence) else [flow] * len(results)
     scenes: dict[str, Group] = {}
-    for result in results:
+    for result, own in zip(results, flows, strict=True):
         if result.times.size:
-            scenes.setdefault(result.scene.name, []).append(result)
+            group = scenes.setdefault(result.scene.name, Group([], []))
+            group.results.append(result)
+            group.flows.append(own if result.scene.flow else None)
     paths = []
     for group in scenes.values():
-        paths += _draw_scene(group, folder, flow if group[0].scene.flow else None)
-    return paths + _draw_comparisons(list(scenes.values()), folder)
+        paths += _draw_scene(group, folder)
+    return paths + _draw_comparisons([group.results for group in scenes.values()], folder)
 
 
-def _draw_scene(group: Group, folder: Path, flow: FlowField | None) -> list[Path]:
-    scene = group[0].scene
+def _draw_scene(group: Group, folder: Path) -> list[Path]:
+    results, scene = group.results, group.results[0].scene
     title = scene.title or scene.name
-    extent = (*scene.domain.x, *scene.domain.y)
-    paths = []
-    if flow is not None:
-        paths.append(draw_flow(flow, extent, folder / f"flow_{scene.name}.png", title=title))
-    rows = density_rows(group)
+    paths = _draw_flows(group, folder, title)
+    rows = density_rows(results)
     paths.append(draw_density(rows, folder / f"density_{scene.name}.png", title=title))
-    paths.append(draw_angles(group, folder / f"angles_{scene.name}.png", title=title))
-    for label, result in zip(result_labels(group), group, strict=True):
+    paths.append(draw_angles(results, folder / f"angles_{scene.name}.png", title=title))
+    for label, result, flow in zip(result_labels(results), results, group.flows, strict=True):
         if result.layout == "particles":
             path = folder / f"ellipses_{scene.name}_{_file_name(label)}.png"
             paths.append(draw_ellipses(result, path, flow=flow, title=title))
+    return paths
+
+
+def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:
+    """Each flow of the group once; where there are several, their titles tell them apart."""
+    scene = group.results[0].scene
+    extent = (*scene.domain.x, *scene.domain.y)
+    flows = list({flow.digest: flow for flow in group.flows if flow is not None}.values())
+    paths = []
+    for number, flow in enumerate(flows, 1):
+        name = f"flow_{scene.name}" + (f"_{number}" if number > 1 else "")
+        above = title if len(flows) == 1 else f"{title}\n{flow.origin}"
+        paths.append(draw_flow(flow, extent, folder / f"{name}.png", title=above))
     return paths
 
 
@@ -56,7 +86,7 @@ def _file_name(label: str) -> str:
     return re.sub(r"[^a-z0-9.]+", "_", label.lower()).strip("_")
 
 
-def _draw_comparisons(groups: list[Group], folder: Path) -> list[Path]:
+def _draw_comparisons(groups: list[list[Result]], folder: Path) -> list[Path]:
     """One density figure for each pair of scenes on the same domain at the same times."""
     paths = []
     for i, first in enumerate(groups):
@@ -69,7 +99,7 @@ def _draw_comparisons(groups: list[Group], folder: Path) -> list[Path]:
     return paths
 
 
-def _named(group: Group) -> list[DensityRow]:
+def _named(group: list[Result]) -> list[DensityRow]:
     name = group[0].scene.name
     rows = density_rows(group, histograms=False)
     return [row._replace(label=f"{name}\n{row.label}") for row in rows]

@@ -20,6 +20,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     save_figure,
     show_domain,
     styled,
+    wrapped,
 )
 from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE
 
@@ -90,7 +91,7 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     show_domain(axes, extent)
     arrows = add_arrows(axes, flow, extent)
     figure.colorbar(arrows, ax=axes, label="speed")
-    axes.set(xlabel="x", ylabel="y", title=title)
+    axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure
 
 

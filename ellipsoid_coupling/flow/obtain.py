@@ -21,7 +21,8 @@ from ellipsoid_coupling.flow.programs import INSTALL, openfoam_available
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
-    "field.py", "foam_case.py", "foam_fields.py", "foam_files.py", "mesh_flow.py", "polygons.py",
+    "field.py", "foam_case.py", "foam_entries.py", "foam_fields.py", "foam_files.py",
+    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "polygons.py",
     "reader.py", "spline.py", "stream_function.py",
 )  # fmt: skip
 
@@ -32,6 +33,8 @@ def obtain_flow(
     path: Path | None = None,
     processes: int = 2,
     report: Report | None = None,
+    *,
+    allow_misfit: bool = False,
 ) -> FlowField:
     """The flow of a case; `origin` says in one line which of the four sources it came from.
 
@@ -41,19 +44,20 @@ def obtain_flow(
     cells, processes : for the run, if there is one
     path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
     report : called with stage and fraction while OpenFOAM runs
+    allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
 
     Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
     field is shipped for the case; RunError if the run fails.
     """
     if path is not None:
-        return _from("given", flow_at(path))
+        return _from("given", flow_at(path, allow_misfit=allow_misfit))
     if openfoam_available():
         kept = solved_folder(case, cells)
         if is_solved(kept):
-            return _from("cache", _field_of(kept))
+            return _from("cache", _field_of(kept, allow_misfit))
         # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
         solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
-        return _from("new icoFoam run", _field_of(solved))
+        return _from("new icoFoam run", _field_of(solved, allow_misfit))
     if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
         case_folder(case)
         raise InputError(
@@ -63,21 +67,17 @@ def obtain_flow(
     return _from("shipped, as OpenFOAM is not installed", FlowField.load(SHIPPED / f"{case}.npz"))
 
 
-def flow_at(path: Path) -> FlowField:
+def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
     """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
     if path.suffix == ".npz":
         return FlowField.load(path)
     # pyvista and meshio take a second to import: only who reads a case waits for them.
-    from ellipsoid_coupling.flow.reader import read_case, read_vtk
+    from ellipsoid_coupling.flow.reader import read_flow
 
-    is_case = path.suffix == ".foam" or (path / "system").is_dir() or not path.is_dir()
-    if is_case:
-        return read_case(path)
-    has_vtk = (path / "internal.vtu").is_file() or any(path.glob("*_*/internal.vtu"))
-    return read_vtk(path) if has_vtk else read_case(path)
+    return read_flow(path, allow_misfit=allow_misfit)
 
 
-def _field_of(solved: Path) -> FlowField:
+def _field_of(solved: Path, allow_misfit: bool) -> FlowField:
     """The field of a case in the cache, from the file beside it where there is one.
 
     Reading a case takes a second with its imports, that file milliseconds.
@@ -90,8 +90,10 @@ def _field_of(solved: Path) -> FlowField:
         return FlowField.load(saved)
     from ellipsoid_coupling.flow.reader import read_case
 
-    field = read_case(solved)
-    field.save(saved)
+    field = read_case(solved, allow_misfit=allow_misfit)
+    # One that was only allowed is not kept for those who do not allow it.
+    if not allow_misfit:
+        field.save(saved)
     return field
 
 

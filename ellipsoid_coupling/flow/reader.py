@@ -136,8 +136,10 @@ def _located(path: Path) -> tuple[Path, str | None]:
         case = path.parent
     elif path.parts[-2:] == ("system", "controlDict"):
         case = path.parent.parent
-    elif is_time(path.resolve().name) and is_folder(path.resolve().parent / "constant"):
-        case, wanted = path.resolve().parent, path.resolve().name
+    elif is_folder(path) and is_time(path.resolve().name):
+        around = path.resolve().parent
+        if is_folder(around / "constant"):
+            case, wanted = around, path.resolve().name
     if not is_folder(case):
         if path.suffix in _VTK_FILES:
             raise _legacy(path)

@@ -15,7 +15,9 @@ _ATOMS = st.sampled_from(["a", "b", ".", "[ab]", "[^b]", r"\.", "1"])
 
 def _parts(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     repeated = st.tuples(inner, st.sampled_from(["", "*", "+", "?"])).map("".join)
-    repeated = repeated.filter(lambda text: text[-2:-1] not in ("*", "+", "?") or text[-1] not in "*+?")
+    repeated = repeated.filter(
+        lambda text: text[-2:-1] not in ("*", "+", "?") or text[-1] not in "*+?"
+    )
     sequence = st.lists(repeated, max_size=3).map("".join)
     return st.lists(sequence, min_size=1, max_size=2).map("|".join).map("({})".format) | repeated
 

@@ -50,7 +50,7 @@ def shown(text: str) -> str:
     r"""`text` for a terminal, a log or a file: what is not printable stands there as its escape.
 
     Control characters, escape sequences, marks that turn the direction of writing, and surrogates
-    (bytes that are no UTF-8) become \\x1b, \\u202e, \\udcff; line ends stay.
+    (bytes that are no UTF-8) become \x1b, \u202e, \udcff; line ends stay.
     """
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 

@@ -36,6 +36,8 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 _PIECE = 1 << 20
+# gzip writes one part; each one more costs a copy of what follows it.
+_MOST_GZIP_PARTS = 16
 _REASONS = {
     errno.ENOENT: "no such file",
     errno.ENOTDIR: "a file where a folder of the path should be",
@@ -160,25 +162,34 @@ def read_text(path: Path, expected: str, most: int) -> str:
 
 def unpack(data: bytes, path: Path, expected: str, most: int) -> bytes:
     """What a gzip file holds, of at most `most` bytes; InputError for a damaged or larger one."""
-    parts, left = [], most
-    try:
-        while data:
+    unpacked = unpack_beginning(data, path, expected, most + 1)
+    if len(unpacked) > most:
+        raise InputError(
+            str(path), f"{expected} of at most {in_words(most)}, unpacked",
+            f"more than {in_words(most)}", "Check that it is the right file.",
+        )  # fmt: skip
+    return unpacked
+
+
+def unpack_beginning(data: bytes, path: Path, expected: str, size: int) -> bytes:
+    """The first `size` bytes, or all, of what a gzip file holds; no more than that is unpacked."""
+    parts, left = [], size
+    for _ in range(_MOST_GZIP_PARTS):
+        try:
             stream = zlib.decompressobj(wbits=31)
-            part = stream.decompress(data, left + 1)
-            left -= len(part)
-            if left < 0:
-                raise InputError(
-                    str(path), f"{expected} of at most {in_words(most)}, unpacked",
-                    f"more than {in_words(most)}", "Check that it is the right file.",
-                )  # fmt: skip
-            if not stream.eof:
-                raise InputError(str(path), expected, "a truncated gzip file", "Make it again.")
-            parts.append(part)
-            data = stream.unused_data
-    except zlib.error as error:
-        found = f"a damaged gzip file ({error})"
-        raise InputError(str(path), expected, found, "Make it again.") from None
-    return b"".join(parts)
+            part = stream.decompress(data, left)
+        except zlib.error as error:
+            found = f"a damaged gzip file ({error})"
+            raise InputError(str(path), expected, found, "Make it again.") from None
+        parts.append(part)
+        left -= len(part)
+        if not left or (stream.eof and not stream.unused_data):
+            return b"".join(parts)
+        if not stream.eof:
+            raise InputError(str(path), expected, "a truncated gzip file", "Make it again.")
+        data = stream.unused_data
+    found = f"a gzip file of more than {_MOST_GZIP_PARTS} parts"
+    raise InputError(str(path), expected, found, "Make it again.")
 
 
 def read_arrays(path: Path, expected: str, most: int) -> Arrays:

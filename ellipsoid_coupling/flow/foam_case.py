@@ -1,7 +1,7 @@
-"""A solved case, checked: mesh, U and stream function, and a plain copy of them for VTK.
+"""A solved case, checked: mesh, U and stream function, and a plain copy of the mesh for VTK.
 
 VTK's reader trusts what it reads: a wrong count or point number ends the program, an #include is
-followed, other folders are looked into. So VTK gets `write_plain`'s copy, which holds what has been
+followed, other folders are looked into. So VTK gets `write_mesh`'s copy, which holds what has been
 checked here and nothing else of the case, always in the same binary form.
 """
 
@@ -19,6 +19,7 @@ from ellipsoid_coupling.flow.foam_files import (
     Array,
     FoamFile,
     Index,
+    decimal,
     open_file,
     packed,
     read_faces,
@@ -26,14 +27,15 @@ from ellipsoid_coupling.flow.foam_files import (
     read_numbers,
     require_finite,
 )
+from ellipsoid_coupling.flow.foam_times import Places
+from ellipsoid_coupling.limits import MOST_CASE_FILE_BYTES
 
 # m/s; and the stream function that postProcess writes of volume fluxes, m^3/s, or of mass fluxes.
-from ellipsoid_coupling.limits import LARGEST_IN_A_CASE
-
 _U_DIMENSIONS = ((0.0, 1.0, -1.0),)
 _PSI_DIMENSIONS = ((0.0, 3.0, -1.0), (0.0, 2.0, -1.0), (1.0, 0.0, -1.0))
 _LEAST_CORNERS, _LEAST_FACES = 3, 4
-_MOST_LABEL = 2**31 - 1
+# A field's file: text around the numbers, a vector in ascii, lists that a patch may have.
+_TEXT_BYTES, _VECTOR_BYTES, _LISTS = 1_000_000, 100, 10
 
 
 class Mesh(NamedTuple):
@@ -53,6 +55,17 @@ class Mesh(NamedTuple):
         """The number of cells."""
         return int(self.owner.max()) + 1
 
+    def face_centres(self, patch: PatchFaces) -> Array:
+        """(faces, 3), the mean of each face's corners: in a plane mesh the middle of an edge."""
+        begins = self.begins[patch.start : patch.start + patch.faces + 1]
+        if patch.faces == 0:
+            return np.zeros((0, 3))
+        corners = self.points[self.corners[begins[0] : begins[-1]]]
+        centres: Array = (
+            np.add.reduceat(corners, begins[:-1] - begins[0]) / np.diff(begins)[:, None]
+        )
+        return centres
+
 
 class Solution(NamedTuple):
     """The mesh, U with its values on patches, and the stream function (P,), if there is one."""
@@ -61,28 +74,54 @@ class Solution(NamedTuple):
     velocity: Field
     psi: Array | None
 
+    def on_patch(self, patch: PatchFaces) -> Array:
+        """(faces, 3), U on a patch: as written, 0 where it does not slip, else the cells' own."""
+        given = self.velocity.on_patches[patch.name]
+        if given is not None:
+            return given
+        if self.velocity.types[patch.name] == "noSlip":
+            return np.zeros((patch.faces, 3))
+        return self.velocity.values[self.mesh.owner[patch.start : patch.start + patch.faces]]
 
-def read_solution(case: Path, time: str) -> Solution:
-    """Mesh, U and streamFunction of a case at the time folder `time`, every number checked.
+
+def read_solution(places: Places) -> Solution:
+    """Mesh, U and streamFunction of a case, every number checked.
 
     Raises InputError, with file and place, for anything that is missing, broken or inconsistent.
     """
-    mesh = _read_mesh(case / "constant" / "polyMesh")
-    file = open_file(case / time / "U", "volVectorField")
-    velocity = read_field(file, 3, mesh.cells, mesh.patches)
+    mesh = _read_mesh(places)
+    velocity = _read_velocity(places.time / "U", mesh, mesh.patches)
+    return Solution(mesh, velocity, _read_stream(places.time / "streamFunction", mesh))
+
+
+def read_cells(path: Path, mesh: Mesh) -> Array:
+    """U in the cells, (C, 3), of another time than the mesh's: the file at `path`, checked."""
+    return _read_velocity(path, mesh, None).values
+
+
+def _read_velocity(path: Path, mesh: Mesh, patches: list[PatchFaces] | None) -> Field:
+    file = open_file(path, "volVectorField", most=_field_room(mesh))
+    velocity = read_field(file, 3, mesh.cells, patches)
     _require_dimensions(file, velocity, _U_DIMENSIONS)
     require_finite(file, velocity.values, "internalField")
     for name, values in velocity.on_patches.items():
         if values is not None:
             require_finite(file, values, f"boundaryField, {name}")
-    return Solution(mesh, velocity, _read_stream(case / time / "streamFunction", mesh))
+    return velocity
+
+
+def _field_room(mesh: Mesh) -> int:
+    """The bytes that a field on this mesh may take."""
+    on_patches = sum(patch.faces for patch in mesh.patches if patch.kind != "empty")
+    entries = len(mesh.points) + mesh.cells + _LISTS * on_patches
+    return min(_TEXT_BYTES + _VECTOR_BYTES * entries, MOST_CASE_FILE_BYTES)
 
 
 def _read_stream(path: Path, mesh: Mesh) -> Array | None:
     """(P,), or None if the case has none; not finite where it is so in the file."""
     if packed(path) is None:
         return None
-    file = open_file(path, "pointScalarField")
+    file = open_file(path, "pointScalarField", most=_field_room(mesh))
     field = read_field(file, 1, len(mesh.points), None)
     _require_dimensions(file, field, _PSI_DIMENSIONS)
     return field.values[:, 0]
@@ -98,10 +137,13 @@ def _require_dimensions(
         raise InputError(f"{file.path}, key dimensions", words, found, remedy)
 
 
-def _read_mesh(folder: Path) -> Mesh:
-    file = open_file(folder / "points", "vectorField")
+def _read_mesh(places: Places) -> Mesh:
+    file = open_file(places.points / "points", "vectorField")
     points, _ = read_numbers(file, file.start, 3, None, "points")
     require_finite(file, points, "points")
+    if file.binary and file.scalar.itemsize == 4:
+        points = decimal(points)
+    folder = places.faces
     file = open_file(folder / "faces", "faceList", "faceCompactList")
     corners, begins = read_faces(file)
     _require_faces(file, corners, begins, len(points))
@@ -192,9 +234,8 @@ def _require(file: FoamFile, good: NDArray[np.bool_], expected: str, item: str) 
         )  # fmt: skip
 
 
-def write_plain(solution: Solution, folder: Path) -> None:
-    """A case of one time, 1, that holds nothing but `solution`; VTK reads it by controlDict."""
-    mesh, velocity, psi = solution
+def write_mesh(mesh: Mesh, folder: Path) -> None:
+    """A case that holds nothing but the mesh, its boundary one patch; VTK reads it by controlDict."""
     for part in ("system", "constant/polyMesh", "1"):
         (folder / part).mkdir(parents=True)
     at = folder / "constant" / "polyMesh"
@@ -203,30 +244,9 @@ def write_plain(solution: Solution, folder: Path) -> None:
     _write(at / "faces", "faceCompactList", _list(mesh.begins, "<i4") + _list(mesh.corners, "<i4"))
     _write(at / "owner", "labelList", _list(mesh.owner, "<i4"))
     _write(at / "neighbour", "labelList", _list(mesh.neighbour, "<i4"))
-    parts = (
-        f"{name} {{ type {kind}; nFaces {count}; startFace {start}; }}\n"
-        for name, kind, start, count in mesh.patches
-    )
-    text = f"{len(mesh.patches)}\n(\n{''.join(parts)})\n"
+    start = mesh.neighbour.size
+    text = f"1\n(\nrim {{ type patch; nFaces {mesh.owner.size - start}; startFace {start}; }}\n)\n"
     _write(at / "boundary", "polyBoundaryMesh", text.encode("ascii"))
-    _write_field(folder / "1" / "U", velocity, "Vector")
-    if psi is not None and np.all(np.abs(psi) <= LARGEST_IN_A_CASE):
-        types = dict.fromkeys(velocity.types, "calculated")
-        stream = Field((), psi[:, None], types, dict.fromkeys(types))
-        _write_field(folder / "1" / "streamFunction", stream, "Scalar")
-
-
-def _write_field(path: Path, field: Field, kind: str) -> None:
-    place = "vol" if kind == "Vector" else "point"
-    head = b"nonuniform List<" + kind.lower().encode() + b">\n"
-    body = b"dimensions [0 1 -1 0 0 0 0];\ninternalField " + head + _list(field.values, "<f8")
-    body += b";\nboundaryField\n{\n"
-    for name, values in field.on_patches.items():
-        body += f"{name}\n{{\ntype {field.types[name]};\n".encode("ascii")
-        if values is not None:
-            body += b"value " + head + _list(values, "<f8") + b";\n"
-        body += b"}\n"
-    _write(path, f"{place}{kind}Field", body + b"}\n")
 
 
 def _list(values: NDArray[np.generic], dtype: str) -> bytes:

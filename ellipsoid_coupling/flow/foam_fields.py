@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.foam_entries import read_dimensions, skip_entry, words_of
 from ellipsoid_coupling.flow.foam_files import (
     REMEDY,
     Array,
@@ -24,69 +25,74 @@ from ellipsoid_coupling.flow.foam_files import (
     read_entry,
     read_numbers,
 )
-from ellipsoid_coupling.flow.foam_tokens import Token, after_space, line_of
-from ellipsoid_coupling.limits import MOST_NAME
+from ellipsoid_coupling.flow.foam_patterns import matches
+from ellipsoid_coupling.flow.foam_tokens import Token, after_space
+from ellipsoid_coupling.limits import MOST_DICTIONARY_BYTES, MOST_NAME, MOST_PATCHES
 
-_WORD = re.compile(r"[A-Za-z_][\w.:<>-]*", re.ASCII)
-_DIMENSIONS = re.compile(rb"\s*\[\s*((?:[-+]?[\d.]{1,9}\s*){7})\]\s*;")
-# Components of what stands in List<...>, in the file's scalars or labels.
-_COMPONENTS = {
-    "scalar": 1, "vector": 3, "sphericalTensor": 1, "symmTensor": 6, "tensor": 9, "label": 1,
-}  # fmt: skip
-_LIST = re.compile(r"List<(\w+)>")
+_TYPE = re.compile(r"[A-Za-z_][\w.:-]*", re.ASCII)
+# Patches whose condition follows from the mesh: OpenFOAM needs no entry for them.
+_CONSTRAINTS = ("empty", "symmetry", "symmetryPlane", "wedge", "cyclic", "processor")
+_INTERNAL = re.compile(r"\$(?:\{[:.]*internalField\}|[:.]*internalField)")
 
 
 class PatchFaces(NamedTuple):
-    """A patch: its name and type, its first face and their number."""
+    """A patch: its name and type, its first face and their number, the groups it belongs to."""
 
     name: str
     kind: str
     start: int
     faces: int
+    groups: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Field:
-    """dimensions (7,); values (n, width); per patch its type and its values (faces, width), if any."""
+    """dimensions (7,); values (n, width), and whether the file gives one for all (`uniform`); per
+    patch its type and its values (faces, width), None where it has none.
+    """
 
     dimensions: tuple[float, ...]
     values: Array
+    uniform: bool
     types: dict[str, str]
     on_patches: dict[str, Array | None]
 
 
 def read_boundary(path: Path, inside: int, faces: int) -> list[PatchFaces]:
     """The patches in polyMesh/boundary; they must cover the faces from `inside` to `faces`."""
-    file = open_file(path, "polyBoundaryMesh")
+    file = open_file(path, "polyBoundaryMesh", most=MOST_DICTIONARY_BYTES)
     number, at = read_count(file, file.start, "patches")
+    if number > MOST_PATCHES:
+        raise file.error(file.start, f"at most {MOST_PATCHES} patches", f"{number}")
     at = file.mark(at, "(")
-    patches: list[PatchFaces] = []
+    patches: dict[str, PatchFaces] = {}
     expected = inside
-    while (token := file.token(at, "a patch or ')'")).text != ")":
+    while (token := file.name(at, "a patch or ')'")).text != ")":
         name = _name(file, token)
-        entries, at = _plain_entries(file, file.mark(token.end, "{"))
+        entries, groups, at = _plain_entries(file, file.mark(token.end, "{"))
         start, count = (_whole(file, name, entries, key) for key in ("startFace", "nFaces"))
         kind = entries.get("type", "none")
-        if start != expected or not _WORD.fullmatch(kind) or name in {p.name for p in patches}:
+        if start != expected or not _TYPE.fullmatch(kind) or name in patches:
             raise InputError(
                 f"{file.path}, patch {name}", f"one patch of that name and a type, from face {expected} on",
                 f"type {kind}, startFace {start}", REMEDY,
             )  # fmt: skip
-        patches.append(PatchFaces(name, kind, start, count))
+        patches[name] = PatchFaces(name, kind, start, count, groups)
         expected += count
     if expected != faces or len(patches) != number:
         raise InputError(
             str(file.path), f"{number} patches up to face {faces}",
             f"{len(patches)} up to face {expected}", REMEDY,
         )  # fmt: skip
-    return patches
+    return list(patches.values())
 
 
 def _name(file: FoamFile, token: Token) -> str:
-    """The name of a patch, as VTK can take it."""
-    if token.kind != "word" or not _WORD.fullmatch(token.text) or len(token.text) > MOST_NAME:
+    """The name of a patch: any word, or what stands between quotes."""
+    name = token.text.strip('"') if token.kind == "string" else token.text
+    if token.kind not in ("word", "string") or not 0 < len(name) <= MOST_NAME:
         raise file.error(token.start, "the name of a patch", repr(token.text))
-    return token.text
+    return name
 
 
 def _whole(file: FoamFile, patch: str, entries: dict[str, str], key: str) -> int:
@@ -96,13 +102,16 @@ def _whole(file: FoamFile, patch: str, entries: dict[str, str], key: str) -> int
     return int(entries[key])
 
 
-def _plain_entries(file: FoamFile, at: int) -> tuple[dict[str, str], int]:
-    """The first word of every entry up to '}', and the byte behind that."""
+def _plain_entries(file: FoamFile, at: int) -> tuple[dict[str, str], tuple[str, ...], int]:
+    """The first word of every entry up to '}', the words of inGroups, and the byte behind that."""
     entries: dict[str, str] = {}
+    groups: tuple[str, ...] = ()
     while (key := file.token(at, "an entry or '}'")).text != "}":
         entries[key.text] = file.token(key.end, f"the value of {key.text}").text
-        at = _passed(file, key)
-    return entries, key.end
+        at = skip_entry(file, key)
+        if key.text == "inGroups":
+            groups = words_of(file, key.end, at)
+    return entries, groups, key.end
 
 
 def read_field(
@@ -116,38 +125,37 @@ def read_field(
     """
     dimensions: tuple[float, ...] = ()
     values: Array | None = None
-    types: dict[str, str] = {}
-    on_patches: dict[str, Array | None] = {}
-    at = file.start
+    uniform, at, boundary = False, file.start, -1
     while (at := after_space(file.data, at)) < len(file.data):
         key = file.token(at, "an entry")
         if key.text == "dimensions":
-            dimensions, at = _dimensions(file, key.end)
+            dimensions, at = read_dimensions(file, key.end)
         elif key.text == "internalField":
+            uniform = file.token(key.end, "internalField").text == "uniform"
             values, at = _values(file, key.end, width, count, "internalField")
-        elif key.text == "boundaryField" and patches is not None:
-            types, on_patches, at = _patches(file, key.end, width, patches)
         else:
-            at = _passed(file, key)
+            boundary = key.end if key.text == "boundaryField" else boundary
+            at = skip_entry(file, key)
     if values is None or not dimensions:
         name = "internalField" if values is None else "dimensions"
         raise InputError(str(file.path), f"an entry {name}", "none", REMEDY)
-    return Field(dimensions, values, types, on_patches)
-
-
-def _dimensions(file: FoamFile, at: int) -> tuple[tuple[float, ...], int]:
-    found = _DIMENSIONS.match(file.data, at)
-    try:
-        if found is None:
-            raise ValueError
-        return tuple(float(part) for part in found[1].split()), found.end()
-    except ValueError:
-        raise file.error(at, "dimensions as in [0 1 -1 0 0 0 0];", "others") from None
+    types: dict[str, str] = {}
+    on_patches: dict[str, Array | None] = {}
+    if patches is not None:
+        everywhere = values[0] if uniform and count else None
+        types, on_patches = _on_patches(file, boundary, patches, everywhere, width)
+    return Field(dimensions, values, uniform, types, on_patches)
 
 
 def _values(file: FoamFile, at: int, width: int, count: int, what: str) -> tuple[Array, int]:
     """`uniform X;` or `nonuniform List<...> N (...);` as (count, width), and the byte behind."""
     form = file.token(at, f"uniform or nonuniform for {what}")
+    if form.kind in ("variable", "directive"):
+        raise InputError(
+            f"{file.path}, {what}", "values written out, or value $internalField of a patch",
+            f"{form.text}, which is not read",
+            "Let the solver write U, or expand it: foamDictionary -expand.",
+        )  # fmt: skip
     if form.text == "uniform":
         value, at = read_entry(file, form.end, width, what)
         return np.repeat(value[None], count, axis=0), file.mark(at, ";")
@@ -165,75 +173,101 @@ def _values(file: FoamFile, at: int, width: int, count: int, what: str) -> tuple
     return values, file.mark(at, ";")
 
 
-def _patches(
-    file: FoamFile, at: int, width: int, patches: Sequence[PatchFaces]
-) -> tuple[dict[str, str], dict[str, Array | None], int]:
-    """Type and values of each of the mesh's patches, and the byte behind boundaryField."""
-    faces = {patch.name: patch.faces for patch in patches}
+class _Keys(NamedTuple):
+    """Where the parts of boundaryField begin: by name, and by pattern, in the file's order."""
+
+    names: dict[str, int]
+    patterns: dict[str, int]
+
+    def place(self, file: FoamFile, patch: PatchFaces) -> int | None:
+        """The part for a patch, as OpenFOAM chooses it: name, last group, last pattern; or none."""
+        if patch.name in self.names:
+            return self.names[patch.name]
+        for name in reversed(self.names):
+            if name in patch.groups:
+                return self.names[name]
+        for pattern, place in reversed(self.patterns.items()):
+            try:
+                if matches(pattern, patch.name):
+                    return place
+            except ValueError as error:
+                raise InputError(
+                    f"{file.path}, boundaryField", f"patterns that are read here, for {patch.name}",
+                    f'"{pattern}" ({error})', "Write an entry for the patch itself.",
+                ) from None  # fmt: skip
+        # Quoted for its odd characters, not as a pattern.
+        return self.patterns.get(patch.name)
+
+
+def _on_patches(
+    file: FoamFile, at: int, patches: Sequence[PatchFaces], everywhere: Array | None, width: int
+) -> tuple[dict[str, str], dict[str, Array | None]]:
+    """Type and values of each of the mesh's patches.
+
+    at : the byte behind `boundaryField`, negative if there is none
+    everywhere : the uniform internalField (width,), if it is one
+    """
+    if at < 0:
+        raise InputError(str(file.path), "an entry boundaryField", "none", REMEDY)
+    keys = _keys(file, at)
     types: dict[str, str] = {}
     values: dict[str, Array | None] = {}
-    at = file.mark(at, "{")
-    while (key := file.token(at, "a patch or '}'")).text != "}":
-        if key.text not in faces:  # a pattern for several, or an inclusion
-            at = _passed(file, key)
+    for patch in patches:
+        place = keys.place(file, patch)
+        if place is None:
+            if not patch.kind.startswith(_CONSTRAINTS):
+                raise InputError(
+                    f"{file.path}, boundaryField",
+                    f"an entry for patch {patch.name}",
+                    "none",
+                    REMEDY,
+                )
+            types[patch.name], values[patch.name] = patch.kind, None
             continue
-        at = file.mark(key.end, "{")
-        kind, found = "none", None
-        while (entry := file.token(at, "an entry or '}'")).text != "}":
-            if entry.text == "value":
-                what = f"value of {key.text}"
-                found, at = _values(file, entry.end, width, faces[key.text], what)
-                continue
-            if entry.text == "type":
-                kind = file.token(entry.end, "a type").text.strip('"')
-            at = _passed(file, entry)
-        at = entry.end
-        if not _WORD.fullmatch(kind):
-            raise file.error(key.start, f"a type of patch {key.text}", repr(kind))
-        types[key.text], values[key.text] = kind, found
-    missing = [patch.name for patch in patches if patch.name not in types]
-    if missing:
-        raise InputError(
-            f"{file.path}, boundaryField", f"an entry for patch {missing[0]}", "none", REMEDY
-        )
-    return types, values, key.end
+        types[patch.name], value_at = _part(file, patch.name, place)
+        values[patch.name] = None
+        if value_at is not None:
+            values[patch.name] = _patch_values(file, value_at, patch, everywhere, width)
+        elif types[patch.name] == "fixedValue":
+            raise file.error(place, f"a value of patch {patch.name}", "none")
+    return types, values
 
 
-def _passed(file: FoamFile, key: Token) -> int:
-    """The byte behind the entry that begins with `key`; nothing in it is looked at."""
-    if key.kind == "mark":
-        raise file.error(key.start, "an entry", repr(key.text))
-    if key.kind == "directive":  # it is not followed: #include "file"
-        line_end = file.data.find(b"\n", key.end)
-        return len(file.data) if line_end < 0 else line_end + 1
-    token = file.token(key.end, f"the value of {key.text}")
-    ends_with = "}" if token.text == "{" else ";"
-    depth = 0
-    while True:
-        depth += (token.text in ("{", "(", "[")) - (token.text in ("}", ")", "]"))
-        if depth < 0:
-            raise file.error(token.start, f"the end of {key.text}", repr(token.text))
-        if depth == 0 and token.text == ends_with:
-            return token.end
-        at = _behind_list(file, token)
-        token = file.token(
-            at, f"the end of {key.text}, which begins in line {line_of(file.data, key.start)}"
-        )
+def _keys(file: FoamFile, at: int) -> _Keys:
+    keys = _Keys({}, {})
+    at = file.mark(at, "{")
+    while (key := file.name(at, "a patch or '}'")).text != "}":
+        at = skip_entry(file, key)
+        if key.kind in ("word", "string") and file.token(key.end, "{").text == "{":
+            # The last one holds, also in the order: it is put behind the others.
+            known = keys.names if key.kind == "word" else keys.patterns
+            known.pop(key.text.strip('"'), None)
+            known[key.text.strip('"')] = key.end
+    return keys
 
 
-def _behind_list(file: FoamFile, token: Token) -> int:
-    """The byte behind a list's bytes in a binary file; that behind the token for anything else."""
-    found = _LIST.fullmatch(token.text) if file.binary else None
-    if found is None:
-        return token.end
-    components = _COMPONENTS.get(found[1])
-    if components is None:
-        raise file.error(token.start, "a list of numbers", token.text)
-    number, at = read_count(file, token.end, f"entries of {token.text}")
-    if number == 0 or file.data[at : at + 2].strip()[:1] == b"{":
-        return at
-    dtype = file.label if found[1] == "label" else file.scalar
-    end = file.mark(at, "(") + number * components * dtype.itemsize
-    if end > len(file.data):
-        raise file.error(at, f"{number} entries of {token.text}", "the end of the file")
-    return file.mark(end, ")")
+def _part(file: FoamFile, name: str, at: int) -> tuple[str, int | None]:
+    """The type in a part of boundaryField, and the byte where its value stands, if it has one."""
+    kind, value_at = "", None
+    begin = at = file.mark(at, "{")
+    while (entry := file.token(at, "an entry or '}'")).text != "}":
+        if entry.kind == "variable":
+            raise file.error(entry.start, f"entries written out for {name}", repr(entry.text))
+        if entry.text == "type":
+            kind = file.token(entry.end, "a type").text.strip('"')
+        if entry.text == "value":
+            value_at = entry.end
+        at = skip_entry(file, entry)
+    if not _TYPE.fullmatch(kind):
+        raise file.error(begin, f"a type of patch {name}", repr(kind))
+    return kind, value_at
+
+
+def _patch_values(
+    file: FoamFile, at: int, patch: PatchFaces, everywhere: Array | None, width: int
+) -> Array:
+    """The values of a patch (faces, width), `$internalField` where that is uniform."""
+    form = file.token(at, f"value of {patch.name}")
+    if form.kind == "variable" and _INTERNAL.fullmatch(form.text) and everywhere is not None:
+        return np.repeat(everywhere[None], patch.faces, axis=0)
+    return _values(file, at, width, patch.faces, f"value of {patch.name}")[0]

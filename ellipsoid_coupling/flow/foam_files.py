@@ -8,40 +8,59 @@ r"""Strict reading of OpenFOAM's mesh and field files: ascii or binary, packed b
     )
 
 Every number is looked at here before any library sees a file. A count is compared with what the mesh
-needs and with what the file holds before anything is made of that size; what is not in the plain form
-that OpenFOAM writes is refused, with the line (in binary files: the byte) where it stands.
+needs and with what the file holds before anything is made of that size, and no file is unpacked beyond
+what its count needs; what is not in the plain form that OpenFOAM writes is refused, with the line (in
+binary files: the byte) where it stands. Reading takes time and memory in proportion to the file.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.foam_tokens import Token, after_space, line_of, token_at
-from ellipsoid_coupling.inputs import exists, read_bytes, unpack
-from ellipsoid_coupling.limits import LARGEST_IN_A_CASE, MOST_CASE_FILE_BYTES
+from ellipsoid_coupling.flow.foam_tokens import (
+    Token,
+    after_space,
+    line_of,
+    name_at,
+    token_at,
+    without_comments,
+)
+from ellipsoid_coupling.inputs import exists, read_bytes, unpack, unpack_beginning
+from ellipsoid_coupling.limits import (
+    LARGEST_IN_A_CASE,
+    MOST_CASE_FILE_BYTES,
+    MOST_MESH_ENTRIES,
+    in_words,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 REMEDY = "Write the case again, or take another copy of it."
 
+# Every repetition is bounded or of one class, so that nothing is tried twice: linear in any Python.
 _NUMBER = (
-    rb"(?:[-+]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][-+]?+\d++)?+|[-+]?+(?i:nan|inf(?:inity)?+))"
+    rb"[-+]?(?:(?:\d{1,60}(?:\.\d{0,60})?|\.\d{1,60})(?:[eE][-+]?\d{1,9})?|(?i:nan|inf(?:inity)?))"
 )
-# Possessive, so that a broken entry is found where it stands and nothing is tried twice.
 _ENTRY = {
     1: re.compile(_NUMBER + rb"(?=[\s);}])"),
-    3: re.compile(rb"\(\s*+" + rb"\s++".join([_NUMBER] * 3) + rb"\s*+\)"),
+    3: re.compile(rb"\(\s*" + rb"\s+".join([_NUMBER] * 3) + rb"\s*\)"),
 }
-_ENTRIES = {n: re.compile(rb"(?:\s*+" + entry.pattern + rb")*+") for n, entry in _ENTRY.items()}
-_FACES = re.compile(rb"(?:\s*+\d++\s*+\((?:\s*+\d++(?=[\s)]))*+\s*+\))*+")
+# So many entries are taken at once: their text is small beside the file.
+_BATCH = {
+    width: re.compile(rb"(?:\s*" + entry.pattern + rb"){1,1000}") for width, entry in _ENTRY.items()
+}
+_FACES = re.compile(rb"(?:\s*\d{1,9}\s*\((?:\s*\d{1,9}(?=[\s)])){0,1000}\s*\)){1,1000}")
 _COUNT = re.compile(rb"\d{1,18}(?![\w.])")
+# What an entry of a list takes at most, in ascii with all digits, and what else a file has.
+_ENTRY_BYTES = {"vectorField": 100, "labelList": 24, "faceList": 400, "faceCompactList": 400}
+_BEGINNING = 65_536
 _ARCH = re.compile(r'"?LSB;label=(32|64);scalar=(32|64)"?')
 _SPARE_PARENTHESES = bytes.maketrans(b"()", b"  ")
 
@@ -71,7 +90,13 @@ class FoamFile:
 
     def token(self, at: int, expected: str) -> Token:
         """The token at byte `at`; InputError at the end, or at text that no file has."""
-        token = token_at(self.data, at)
+        return self._known(token_at(self.data, at), expected)
+
+    def name(self, at: int, expected: str) -> Token:
+        """As `token` where a name is expected: it may have parentheses in it."""
+        return self._known(name_at(self.data, at), expected)
+
+    def _known(self, token: Token | None, expected: str) -> Token:
         if token is None:
             raise self.error(len(self.data), expected, "the end of the file")
         if token.kind == "odd":
@@ -92,15 +117,39 @@ def packed(path: Path) -> Path | None:
     return path if exists(path) else beside if exists(beside) else None
 
 
-def open_file(path: Path, *kinds: str) -> FoamFile:
-    """A file whose class is one of `kinds`; InputError for a missing, broken or other one."""
+def open_file(path: Path, *kinds: str, most: int | None = None) -> FoamFile:
+    """A file whose class is one of `kinds`; InputError for a missing, broken or other one.
+
+    most : bytes, unpacked; without it what the number of entries behind the header needs
+    """
     expected = f"an OpenFOAM file {path.name}"
     there = packed(path)
     if there is None:
         raise InputError(str(path), expected, "none", "Mesh and solve the case.")
     data = read_bytes(there, expected, MOST_CASE_FILE_BYTES)
-    if there != path:
-        data = unpack(data, there, expected, MOST_CASE_FILE_BYTES)
+    is_packed = there != path
+    size = _BEGINNING if most is None else min(most, _BEGINNING)
+    start = unpack_beginning(data, there, expected, size) if is_packed else data
+    file = _opened(there, start, kinds)
+    room = _room(file) if most is None else most
+    if is_packed:
+        data = unpack(data, there, expected, min(room, MOST_CASE_FILE_BYTES))
+    elif len(data) > room:
+        found = f"{in_words(len(data))}, more than its entries need"
+        raise InputError(str(there), f"{expected} of at most {in_words(room)}", found, REMEDY)
+    return replace(file, data=data if file.binary else without_comments(data))
+
+
+def _room(file: FoamFile) -> int:
+    """The bytes that the list behind the header needs at most, by its number of entries."""
+    number, at = read_count(file, file.start, "entries")
+    if number > MOST_MESH_ENTRIES:
+        raise file.error(at, f"at most {MOST_MESH_ENTRIES} entries", f"{number}")
+    return _BEGINNING + number * _ENTRY_BYTES[file.kind]
+
+
+def _opened(there: Path, data: bytes, kinds: tuple[str, ...]) -> FoamFile:
+    """The file, of which `data` has at least the header."""
     header, start = _header(there, data)
     kind, written = header.get("class", "none"), header.get("format", "none")
     arch = _ARCH.fullmatch(header.get("arch", "LSB;label=32;scalar=64"))
@@ -162,8 +211,13 @@ def read_numbers(
     if file.binary:
         raw, at = _raw(file, start, number * width, file.scalar, what)
         return raw.astype(np.float64).reshape(number, width), file.mark(at, ")")
-    end = _span(file, start, _ENTRIES[width], what)
-    values = _parsed(file.data[start:end]).reshape(-1, width)
+    parts: list[Array] = [np.zeros(0)]
+    end, left = start, number * width
+    while left >= 0 and (found := _BATCH[width].match(file.data, end)):
+        parts.append(_parsed(found[0]))
+        end, left = found.end(), left - parts[-1].size
+    _require_end(file, end, what)
+    values = np.concatenate(parts).reshape(-1, width)
     if len(values) != number:
         raise file.error(end, f"{number} {what}", f"{len(values)}")
     return values, file.mark(end, ")")
@@ -207,19 +261,31 @@ def read_faces(file: FoamFile) -> tuple[Index, Index]:
     if file.binary:
         raise file.error(file.start, "the class faceCompactList in a binary file", file.kind)
     number, at = read_count(file, file.start, "faces")
-    start = file.mark(at, "(")
-    end = _span(file, start, _FACES, "faces")
-    file.mark(end, ")")
-    # 4(0 1 2 3) becomes 4 0 1 2 3 -1
-    flat = _parsed(file.data[start:end].replace(b")", b" -1 ").replace(b"(", b" ")).astype(np.int64)
-    ends = np.flatnonzero(flat < 0)
-    begins = np.concatenate(([0], ends + 1))[: ends.size]
-    sizes = ends - begins - 1
-    if ends.size != number or np.any(flat[begins] != sizes):
-        raise file.error(end, f"{number} faces with as many corners as each says", "others")
-    keep = flat >= 0
-    keep[begins] = False
-    return flat[keep], np.concatenate(([0], np.cumsum(sizes)))
+    end = file.mark(at, "(")
+    corners_of, sizes_of = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    while found := _FACES.match(file.data, end):
+        # 4(0 1 2 3) becomes 4 0 1 2 3 -1
+        text = found[0].replace(b")", b" -1 ").replace(b"(", b" ")
+        flat = _parsed(text).astype(np.int64)
+        ends = np.flatnonzero(flat < 0)
+        begins = np.concatenate(([0], ends[:-1] + 1))
+        sizes_of.append(ends - begins - 1)
+        if np.any(flat[begins] != sizes_of[-1]):
+            raise file.error(end, "faces with as many corners as each says", "others")
+        keep = flat >= 0
+        keep[begins] = False
+        corners_of.append(flat[keep])
+        end = found.end()
+    _require_end(file, end, "faces")
+    sizes = np.concatenate(sizes_of)
+    if sizes.size != number:
+        raise file.error(end, f"{number} faces", f"{sizes.size}")
+    return np.concatenate(corners_of), np.concatenate(([0], np.cumsum(sizes)))
+
+
+def decimal(values: NDArray[np.floating]) -> Array:
+    """Single-precision numbers as the decimal ones they came from: 0.1, not 0.100000001."""
+    return values.astype(np.float32).astype("U32").astype(np.float64)
 
 
 def require_finite(file: FoamFile, values: Array, what: str) -> None:
@@ -253,14 +319,11 @@ def _raw(
     return np.frombuffer(file.data, dtype, number, start), end
 
 
-def _span(file: FoamFile, start: int, entries: re.Pattern[bytes], what: str) -> int:
-    """The byte where the entries from `start` on end, which is the list's end."""
-    found = entries.match(file.data, start)
-    end = start if found is None else found.end()
+def _require_end(file: FoamFile, end: int, what: str) -> None:
+    """InputError unless the list that has been read up to byte `end` closes there."""
     close = after_space(file.data, end)
     if file.data[close : close + 1] != b")":
         raise file.error(close, f"{what}, or ')' at the end of their list", _excerpt(file, close))
-    return end
 
 
 def _parsed(text: bytes) -> Array:

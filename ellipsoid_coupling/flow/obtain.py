@@ -24,7 +24,8 @@ from ellipsoid_coupling.kernels import cache_home
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
-    "field.py", "foam_case.py", "foam_fields.py", "foam_files.py", "mesh_flow.py", "polygons.py",
+    "field.py", "foam_case.py", "foam_entries.py", "foam_fields.py", "foam_files.py",
+    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "polygons.py",
     "reader.py", "spline.py", "stream_function.py",
 )  # fmt: skip
 
@@ -35,6 +36,8 @@ def obtain_flow(
     path: Path | None = None,
     processes: int = 2,
     report: Report | None = None,
+    *,
+    allow_misfit: bool = False,
 ) -> FlowField:
     """The flow of a case; `origin` says in one line which of the four sources it came from.
 
@@ -44,19 +47,20 @@ def obtain_flow(
     cells, processes : for the run, if there is one
     path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
     report : called with stage and fraction while OpenFOAM runs
+    allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
 
     Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
     field is shipped for the case; RunError if the run fails.
     """
     if path is not None:
-        return _from("given", flow_at(path))
+        return _from("given", flow_at(path, allow_misfit=allow_misfit))
     if openfoam_available():
         kept = solved_folder(case, cells)
         if is_solved(kept):
-            return _from("cache", _field_of(kept))
+            return _from("cache", _field_of(kept, allow_misfit))
         # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
         solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
-        return _from("new icoFoam run", _field_of(solved))
+        return _from("new icoFoam run", _field_of(solved, allow_misfit))
     if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
         case_folder(case)
         raise InputError(
@@ -85,21 +89,17 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     return None
 
 
-def flow_at(path: Path) -> FlowField:
+def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
     """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
     if path.suffix == ".npz":
         return FlowField.load(path)
     # pyvista and meshio take a second to import: only who reads a case waits for them.
-    from ellipsoid_coupling.flow.reader import read_case, read_vtk
+    from ellipsoid_coupling.flow.reader import read_flow
 
-    is_case = path.suffix == ".foam" or (path / "system").is_dir() or not path.is_dir()
-    if is_case:
-        return read_case(path)
-    has_vtk = (path / "internal.vtu").is_file() or any(path.glob("*_*/internal.vtu"))
-    return read_vtk(path) if has_vtk else read_case(path)
+    return read_flow(path, allow_misfit=allow_misfit)
 
 
-def _field_of(solved: Path) -> FlowField:
+def _field_of(solved: Path, allow_misfit: bool) -> FlowField:
     """The field of a case in the cache, from the file beside it where there is one.
 
     Reading a case takes a second with its imports, that file milliseconds.
@@ -112,7 +112,10 @@ def _field_of(solved: Path) -> FlowField:
         return FlowField.load(saved)
     from ellipsoid_coupling.flow.reader import read_case
 
-    field = read_case(solved)
+    field = read_case(solved, allow_misfit=allow_misfit)
+    # One that was only allowed is not kept for those who do not allow it.
+    if allow_misfit:
+        return field
     # A cache that is only to be read serves all the same.
     with suppress(WriteError):
         field.save(saved)

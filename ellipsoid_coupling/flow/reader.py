@@ -1,12 +1,13 @@
 """Read solved plane OpenFOAM cases: case folders by pyvista, foamToVTK's files by meshio.
 
 pyvista and meshio are imported in this file only, and only when a case is read: importing them
-takes longer than computing a small scene.
+takes longer than computing a small scene. Both know single precision only, or what a file says; so
+coordinates and fields are the case's own, in double precision, and what a library gets of them is
+measured from the mesh's lower corner.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from itertools import islice
@@ -18,21 +19,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import QhullError
 
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.foam_case import read_solution, write_plain
-from ellipsoid_coupling.flow.foam_files import packed
-from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
+from ellipsoid_coupling.flow.foam_case import (
+    Mesh,
+    Solution,
+    read_cells,
+    read_solution,
+    write_mesh,
+)
+from ellipsoid_coupling.flow.foam_files import decimal, packed
+from ellipsoid_coupling.flow.foam_times import Chosen, choose_time, is_time, unsolved
+from ellipsoid_coupling.flow.mesh_flow import SINGLE, MeshFlow, flow_field
 from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
-from ellipsoid_coupling.flow.vtk_files import check_internal, read_patch
-from ellipsoid_coupling.inputs import exists, is_folder
-from ellipsoid_coupling.limits import MOST_TIMES
+from ellipsoid_coupling.flow.vtk_files import REMEDY, check_internal, read_patch
+from ellipsoid_coupling.inputs import is_folder, is_ordinary
+from ellipsoid_coupling.limits import MOST_PATCHES
 
 Array = NDArray[np.float64]
 
-# 0, 0.5, 12, 1e-05, but not 0.orig
-TIME = re.compile(r"\d+(\.\d+)?(e[-+]?\d+)?")
+# What a user may name to mean the case around it.
+_CASE_FILES = (".foam", ".OpenFOAM")
+_VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
 
 
 class _Cells(NamedTuple):
@@ -43,11 +52,13 @@ class _Cells(NamedTuple):
 
 
 class _Raw(NamedTuple):
-    """What both libraries give: 3-D points, cells, fields, patches (centres, velocity), all 3-D.
+    """What both formats give: points, cells, fields, patches (centres, velocity), all 3-D.
 
-    psi is None where there is none, or none that VTK reads.
+    corner (3,) : the place in the case from which points and centres are measured
+    psi : None where there is none
     """
 
+    corner: Array
     points: Array
     cells: _Cells
     psi: Array | None
@@ -55,38 +66,56 @@ class _Raw(NamedTuple):
     patches: Mapping[str, tuple[Array, Array]]
 
 
-def read_case(folder: Path) -> FlowField:
-    """The flow of a solved plane OpenFOAM case at its last time.
+def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
+    """The flow at a path: a case, one of its times, or what foamToVTK wrote of one.
+
+    A case may be named by its folder, a .foam or .OpenFOAM file in it, system/controlDict, or a
+    time's folder. Parameters and errors as `read_case` and `read_vtk`.
+    """
+    folder = path.parent if path.name == "internal.vtu" else path
+    has_vtk = is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))
+    if has_vtk and not is_folder(folder / "system"):
+        return read_vtk(folder, allow_misfit=allow_misfit)
+    return read_case(path, allow_misfit=allow_misfit)
+
+
+def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
+    """The flow of a solved plane OpenFOAM case at its last time with a velocity, or at the one named.
 
     Parameters
     ----------
-    folder : the case folder, or a .foam file in it; nothing is written there
+    folder : the case folder, a .foam file in it, or one of its times; nothing is written there
+    allow_misfit : take it even where the field is more than `mesh_flow.LARGEST_MISFIT` off U
 
-    Raises InputError if the folder is missing or no case, if only time 0 is there, if the mesh is
-    more than one cell thick, or if U is missing, not finite or not free of sources.
+    Raises InputError if the folder is missing or no case, if nothing has been solved, if the mesh is
+    not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
     """
-    case = folder.parent if folder.suffix == ".foam" else folder
-    _require_case(case)
-    time = _last_time(case)
-    origin = f"OpenFOAM case {case.resolve().name}, time {time}"
-    return _field(_read_foam(case, time), str(case), origin)
+    case, wanted = _located(folder)
+    chosen = choose_time(case, wanted)
+    solution = read_solution(chosen.places)
+    if chosen.only_start and solution.velocity.uniform:
+        raise unsolved(case, "no time beyond 0, where U is uniform")
+    _require_no_wedge(case, solution.mesh)
+    note = chosen.note + _change(chosen, solution)
+    origin = f"OpenFOAM case {readable(case.resolve().name)}, {note}"
+    return _field(_read_foam(case, solution), str(case), origin, allow_misfit)
 
 
-def read_vtk(folder: Path) -> FlowField:
+def read_vtk(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     """The flow in what foamToVTK wrote, its last time: internal.vtu and boundary/*.vtp.
 
-    `folder` is that time's folder, the VTK folder, or the case. Errors as `read_case`.
+    `folder` is that time's folder, the VTK folder, or the case. The rest as `read_case`.
     """
     step = _vtk_step(folder)
-    origin = f"foamToVTK folder {step.resolve().name}"
-    return _field(_read_vtu(step), str(step), origin)
+    origin = f"foamToVTK folder {readable(step.resolve().name)}"
+    return _field(_read_vtu(step), str(step), origin, allow_misfit)
 
 
-def _field(raw: _Raw, where: str, origin: str) -> FlowField:
+def _field(raw: _Raw, where: str, origin: str, allow_misfit: bool) -> FlowField:
     """The field; InputError where the mesh's shape does not let one be made."""
     try:
         with np.errstate(all="ignore"):
-            field = flow_field(_plane(raw, where, origin))
+            field = flow_field(_plane(raw, where, origin), allow_misfit=allow_misfit)
     except (ValueError, np.linalg.LinAlgError, QhullError) as error:
         found = f"one on which that fails ({error})"
         raise InputError(where, "a mesh to interpolate U on", found, "Mesh it again.") from None
@@ -100,75 +129,93 @@ def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
     return InputError(str(where), expected, found, remedy)
 
 
-def _require_case(case: Path) -> None:
+def _located(path: Path) -> tuple[Path, str | None]:
+    """The case that a path means, and the time, if it names one; InputError if it means none."""
+    case, wanted = path, None
+    if path.suffix in _CASE_FILES:
+        case = path.parent
+    elif path.parts[-2:] == ("system", "controlDict"):
+        case = path.parent.parent
+    elif is_folder(path) and is_time(path.resolve().name):
+        around = path.resolve().parent
+        if is_folder(around / "constant"):
+            case, wanted = around, path.resolve().name
     if not is_folder(case):
-        raise _error(case, "a solved OpenFOAM case folder", "no such folder", "Check the path.")
-    for part in ("system/controlDict", "constant/polyMesh/faces"):
-        if packed(case / part) is None:
-            raise _error(
-                case, "an OpenFOAM case folder", f"no {part} in it",
-                "Name the folder that holds constant, system and the times; mesh and solve it.",
-            )  # fmt: skip
+        if path.suffix in _VTK_FILES:
+            raise _legacy(path)
+        found = "an ordinary file" if is_ordinary(case) else "no such folder"
+        raise _error(path, "a solved OpenFOAM case folder", found, "Check the path.")
+    if packed(case / "system/controlDict") is None:
+        if any(case.glob("*.vtk")):
+            raise _legacy(case)
+        remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
+        if re.fullmatch(r"processors?\d+(_\d+-\d+)?", case.resolve().name):
+            remedy = "It is a part of a case: run reconstructPar there and name the whole case."
+        raise _error(case, "an OpenFOAM case folder", "no system/controlDict in it", remedy)
+    return case, wanted
 
 
-def _last_time(case: Path) -> str:
-    """The name of the last time folder; time 0, where nothing has been solved, is refused."""
-    folders = (path.name for path in islice(case.iterdir(), MOST_TIMES) if path.is_dir())
-    times = sorted((name for name in folders if _is_time(name)), key=float)
-    if not times or float(times[-1]) == 0.0:
+def _legacy(path: Path) -> InputError:
+    return _error(
+        path, "a solved OpenFOAM case folder", "files for ParaView",
+        "Name the folder of the case itself: its mesh and U are read from there, in full precision.",
+    )  # fmt: skip
+
+
+def _require_no_wedge(case: Path, mesh: Mesh) -> None:
+    wedges = [patch.name for patch in mesh.patches if patch.kind == "wedge"]
+    if wedges:
         raise _error(
-            case, "a solved case", "no time beyond 0",
-            "Run the solver; after a parallel run, reconstructPar -latestTime.",
+            case, "a plane case, with empty patches in front and behind",
+            f"an axisymmetric one, with wedge patches ({', '.join(wedges[:4])})",
+            "Solve the flow between parallel planes.",
         )  # fmt: skip
-    last = case / times[-1]
-    if packed(last / "U") is None:
-        expected = f"a velocity field U at time {times[-1]}"
-        raise _error(case, expected, "none", "Let the solver write U.")
-    if exists(last / "polyMesh"):
-        raise _error(
-            last, "a mesh that stays, in constant/polyMesh", "another one at this time",
-            "Solve the flow on a fixed mesh.",
-        )  # fmt: skip
-    return times[-1]
 
 
-def _is_time(name: str) -> bool:
-    return len(name) < 50 and bool(TIME.fullmatch(name)) and math.isfinite(float(name))
+def _change(chosen: Chosen, solution: Solution) -> str:
+    """How much U has changed since the solved time before, in words; nothing if there is none."""
+    if chosen.before is None:
+        return ""
+    since = f"since time {chosen.before.name}"
+    try:
+        before = read_cells(chosen.before / "U", solution.mesh)
+    except InputError:
+        return f", its change {since} not known as U there is of another kind"
+    now = solution.velocity.values
+    largest = max(float(np.linalg.norm(now)), float(np.linalg.norm(before)))
+    change = float(np.linalg.norm(now - before)) / largest if largest > 0.0 else 0.0
+    return f", changed by {100.0 * change:.2g} % {since}"
 
 
-def _read_foam(case: Path, time: str) -> _Raw:
-    """The time `time` of a case, checked, by pyvista from a copy that holds nothing else."""
+def _read_foam(case: Path, solution: Solution) -> _Raw:
+    """A checked case as both formats give it; the cells' points are those that pyvista finds."""
     import pyvista
 
-    solution = read_solution(case, time)
+    corner = solution.mesh.points.min(axis=0)
+    mesh = solution.mesh._replace(points=solution.mesh.points - corner)
     with TemporaryDirectory(prefix="ellipsoid-") as scratch, pyvista.vtk_verbosity("off"):
         plain = Path(scratch)
-        write_plain(solution, plain)
+        write_mesh(mesh, plain)
         reader = pyvista.OpenFOAMReader(plain / "system" / "controlDict")
         reader.set_active_time_value(reader.time_values[-1])
         reader.cell_to_point_creation = False
-        reader.enable_all_patch_arrays()
         blocks: Any = reader.read()
-    mesh: Any = blocks["internalMesh"]
-    if mesh is None or "U" not in mesh.cell_data or mesh.n_cells != solution.mesh.cells:
+    read: Any = blocks["internalMesh"]
+    size = float(np.ptp(mesh.points, axis=0).max())
+    same = read is not None and read.n_cells == mesh.cells and read.n_points == len(mesh.points)
+    if not same or np.abs(read.points - mesh.points).max() > SINGLE * size:
         raise _error(case, "a mesh that VTK reads", "another one", "Check constant/polyMesh.")
-    boundary = blocks["boundary"]
-    named = ((str(boundary.get_block_name(k)), boundary[k]) for k in range(boundary.n_blocks))
-    patches = {name: _faces(patch) for name, patch in named if "U" in patch.cell_data}
-    table = mesh.GetCells()
+    table = read.GetCells()
     cells = _Cells(
         np.asarray(pyvista.convert_array(table.GetConnectivityArray())),
         np.asarray(pyvista.convert_array(table.GetOffsetsArray())),
     )
-    # One that is not finite is not handed to VTK.
-    stream = mesh.point_data.get("streamFunction", solution.psi)
-    psi = None if stream is None else np.asarray(stream)
-    return _Raw(np.asarray(mesh.points), cells, psi, np.asarray(mesh.cell_data["U"]), patches)
-
-
-def _faces(patch: Any) -> tuple[Array, Array]:
-    """Centres (n, 3) and velocity (n, 3) of a patch's faces."""
-    return np.asarray(patch.cell_centers().points), np.asarray(patch.cell_data["U"])
+    patches = {
+        patch.name: (mesh.face_centres(patch), solution.on_patch(patch))
+        for patch in mesh.patches
+        if patch.kind != "empty"
+    }
+    return _Raw(corner, mesh.points, cells, solution.psi, solution.velocity.values, patches)
 
 
 def _vtk_step(folder: Path) -> Path:
@@ -182,7 +229,7 @@ def _vtk_step(folder: Path) -> Path:
             return max(numbered, key=lambda step: int(step.name.rpartition("_")[2]))
     raise _error(
         folder, "what foamToVTK wrote (internal.vtu in it or below it)", "none",
-        "Run 'foamToVTK -latestTime' in the solved case and name its VTK folder.",
+        "Name the folder of the solved case itself.",
     )  # fmt: skip
 
 
@@ -196,31 +243,35 @@ def _read_vtu(step: Path) -> _Raw:
     try:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio ends the program on some unreadable files
-        remedy = "Run foamToVTK -latestTime again."
-        raise _error(path, "a file that meshio reads", type(error).__name__, remedy) from error
-    if float(np.ravel(mesh.field_data.get("TimeValue", 1.0))[0]) == 0.0:
-        raise _error(step, "a solved case", "time 0 only", "Solve it, then foamToVTK -latestTime.")
+        raise _error(path, "a file that meshio reads", type(error).__name__, REMEDY) from error
     if "U" not in mesh.cell_data:
         raise _error(path, "a cell field U", "none", "Let the solver write U.")
+    velocity = np.concatenate(mesh.cell_data["U"]).astype(np.float64)
+    time = float(np.ravel(mesh.field_data.get("TimeValue", 1.0))[0])
+    if time == 0.0 and not np.ptp(velocity, axis=0).any():
+        found = "time 0 only, where U is uniform"
+        raise _error(step, "a solved case", found, "Solve it, then foamToVTK -latestTime.")
     sizes = np.concatenate([np.full(len(b.data), b.data.shape[1]) for b in mesh.cells])
     connectivity = np.concatenate([np.ravel(b.data) for b in mesh.cells])
     cells = _Cells(connectivity, np.concatenate(([0], np.cumsum(sizes))))
+    points = decimal(mesh.points) if mesh.points.dtype == np.float32 else mesh.points
+    corner = points.min(axis=0)
     patches: dict[str, tuple[Array, Array]] = {}
-    for file in sorted((step / "boundary").glob("*.vtp")):
+    for file in sorted(islice((step / "boundary").glob("*.vtp"), MOST_PATCHES)):
         patch = read_patch(file)
         if patch.velocity is not None:
             # Decoded and checked there: VTK ends the program on broken files.
             first = np.cumsum(patch.sizes) - patch.sizes
             faces = np.insert(patch.corners, first, patch.sizes)
-            polygon = pyvista.PolyData(patch.points, faces)
+            polygon = pyvista.PolyData(patch.points - corner, faces)
             patches[file.stem] = np.asarray(polygon.cell_centers().points), patch.velocity
-    velocity = np.concatenate(mesh.cell_data["U"])
-    return _Raw(mesh.points, cells, mesh.point_data.get("streamFunction"), velocity, patches)
+    psi = mesh.point_data.get("streamFunction")
+    return _Raw(corner, points - corner, cells, psi, velocity, patches)
 
 
 def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
     """The plane problem in a mesh that is one cell thick; InputError for any other mesh."""
-    points = _decimal(raw.points)
+    points = raw.points
     normal = _normal(points, where)
     plane = [axis for axis in range(3) if axis != normal]
     depth = points[:, normal]
@@ -239,20 +290,18 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
         # Faces of the empty patch lie on the planes in front and behind, not between them.
         between = np.abs(at[:, normal] - middle) < 0.25 * np.ptp(depth)
         if between.any():
-            patch = Patch(
-                _decimal(at[between])[:, plane], velocity[between][:, plane].astype(float)
-            )
-            patches[name] = patch
+            patches[name] = Patch(at[between][:, plane], velocity[between][:, plane])
     return MeshFlow(
         points=flat,
         edges=cells.edges(),
         psi=None if raw.psi is None else raw.psi[low].astype(np.float64),
         centres=cells.centroids(flat),
-        velocity=raw.velocity[:, plane].astype(np.float64),
+        velocity=raw.velocity[:, plane],
         patches=patches,
         contains=_Inside(flat, cells.triangles()),
         where=where,
         origin=origin,
+        corner=raw.corner[plane],
     )
 
 
@@ -274,22 +323,43 @@ def _require_areas(points: Array, cells: Polygons, where: str) -> None:
         )  # fmt: skip
 
 
-def _decimal(points: Array) -> Array:
-    """Single-precision coordinates as the decimal numbers they came from: 0.1, not 0.100000001."""
-    return points.astype(np.float32).astype("U32").astype(np.float64)
-
-
 def _normal(points: Array, where: str) -> int:
     """The axis along which the mesh is one cell thick, z first; InputError if there is none."""
     for axis in (2, 1, 0):
         depth = points[:, axis]
-        tolerance = 1e-5 * np.ptp(depth)
+        tolerance = SINGLE * np.ptp(depth)
         if np.all((depth - depth.min() <= tolerance) | (depth.max() - depth <= tolerance)):
             return axis
     raise InputError(
-        where, "a plane case, one cell thick along x, y or z", "a 3-D mesh",
-        "Solve the flow as a plane case, with empty patches in front and behind.",
+        where, "a plane case, one cell thick along x, y or z", _layers(points),
+        "Solve the flow as a plane case, one cell thick, with empty patches in front and behind.",
     )  # fmt: skip
+
+
+def _layers(points: Array) -> str:
+    """In words, how many cells thick a mesh is along the axis where those are the fewest."""
+    counts = []
+    for axis, name in enumerate("xyz"):
+        depth = points[:, axis]
+        tolerance = SINGLE * np.ptp(depth)
+        order = np.argsort(depth)
+        level = np.empty(depth.size, np.int_)
+        level[order] = np.cumsum(np.diff(depth[order], prepend=depth.min()) > tolerance)
+        number = int(level.max()) + 1
+        flat = np.delete(points, axis, axis=1)
+        if depth.size % number == 0 and _alike(flat, level, number):
+            counts.append((number - 1, name))
+    if not counts:
+        return "a 3-D mesh"
+    thick, name = min(counts)
+    return f"a mesh {thick} cells thick along {name}"
+
+
+def _alike(flat: Array, level: Index, number: int) -> bool:
+    """Whether points (P, 2) on so many levels are the same on each."""
+    at = np.rint(flat / (SINGLE * max(float(np.ptp(flat)), 1e-300)))
+    layers = at[np.lexsort((at[:, 1], at[:, 0], level))].reshape(number, -1, 2)
+    return bool(np.all(np.bincount(level) == layers.shape[1]) and np.ptp(layers, axis=0).max() <= 1)
 
 
 class _Inside:

@@ -53,7 +53,7 @@ def stream_function(
     along = points[edges.points[:, 1]] - points[edges.points[:, 0]]
     middle = points[edges.points].mean(axis=1)
     length = np.hypot(along[:, 0], along[:, 1])
-    given = _given(middle, length, edges, velocity, patches)
+    given = given_on_edges(points, edges, velocity, patches)
     u = _on_edges(middle, edges, centres, velocity, given)
     jump = u[:, 0] * along[:, 1] - u[:, 1] * along[:, 0]
 
@@ -69,15 +69,21 @@ def stream_function(
     return psi + shift[part]
 
 
-def _given(
-    middle: Array, length: Array, edges: Edges, velocity: Array, patches: Mapping[str, Patch]
+def given_on_edges(
+    points: Array, edges: Edges, velocity: Array, patches: Mapping[str, Patch]
 ) -> Array:
-    """(E, 2), the boundary's velocity on its edges, NaN inside and where none is given."""
-    given = np.full(middle.shape, np.nan)
+    """(E, 2), the boundary's velocity in the middle of its edges, NaN inside and where none is given.
+
+    Parameters as `stream_function`; a patch that repeats the cells' velocity gives none.
+    """
     rim = np.flatnonzero(edges.cells[:, 1] < 0)
+    ends = points[edges.points[rim]]
+    middle, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    given = np.full((len(edges.points), 2), np.nan)
     for patch in patches.values():
-        distance, nearest = KDTree(patch.centres).query(middle[rim])
-        here = distance <= SAME_PLACE * length[rim]
+        distance, nearest = KDTree(patch.centres).query(middle)
+        here = distance <= SAME_PLACE * length
         values = patch.velocity[np.asarray(nearest)[here]]
         # An outlet or a plane of symmetry repeats its cells: nothing that U itself does not say.
         if not np.array_equal(values, velocity[edges.cells[rim[here], 0]]):

@@ -21,12 +21,18 @@ Edit = Callable[[Path], None]
 
 
 def test_field_is_the_cases_velocity(cavity_16: Path) -> None:
-    """8 % rms on 16 cells, as the lid's jet is 2 cells wide; test_openfoam holds the order."""
+    """6.4 % rms on 16 cells, as the lid's jet is 2 cells wide; test_openfoam holds the order.
+
+    The origin tells it, measured with U in double precision at the cells' centres.
+    """
     field = read_case(cavity_16)
-    assert mismatch(cavity_16, field) < 0.08
+    assert mismatch(cavity_16, field) == pytest.approx(0.0639, abs=1e-4)
     assert field.cells == (16, 16)
     assert field.bounds == (0.0, 1.0, 0.0, 1.0)
-    assert field.origin == "OpenFOAM case cavity_16, time 3.95, its streamFunction"
+    assert field.origin == (
+        "OpenFOAM case cavity_16, time 3.95, stream function fitted to U, as the case's is 7.6 % off, "
+        "6.4 % off U (rms), up to 0.29 % of its largest at walls"
+    )
 
 
 def test_both_readers_agree_to_single_precision(cavity_16: Path) -> None:
@@ -69,8 +75,14 @@ def test_graded_mesh_gives_the_same_flow() -> None:
 
 
 def test_l_shape_masks_what_is_not_flow() -> None:
-    """The notch is outside; on its walls the flow is slow: 1 % of the lid's speed on 12 cells."""
-    field = read_case(DATA / "l_shape")
+    """The notch is outside; on its walls the flow is slow: 1 % of the lid's speed on 12 cells.
+
+    The lid's jet is one cell wide there, so the field is 29 % off U: only who asks for it gets it.
+    """
+    with pytest.raises(InputError, match=r"29 % off \(rms\).*--allow-misfit"):
+        read_case(DATA / "l_shape")
+    field = read_case(DATA / "l_shape", allow_misfit=True)
+    assert "29 % off U" in field.origin
     x, y = points(4000)
     np.testing.assert_array_equal(field.evaluate(x, y).inside, (x < 0.5) | (y < 0.5))
     along = np.linspace(0.6, 1.0, 50)
@@ -96,10 +108,6 @@ def _remove(files: str) -> Edit:
     return edit
 
 
-def _only_time_0(case: Path) -> None:
-    next(case.glob("[1-9]*")).rename(case / "0")
-
-
 # The mesh has two layers of points; a third one within it makes it 3-D.
 THIRD_LAYER = (r"\(0 0 0\)", "(0 0 0.05)", "constant/polyMesh/points")
 FIRST_VECTOR = r"(?<=\n\()\(\S+ \S+ \S+\)|(?<=\n)\(\S+ \S+ 0\)\n"
@@ -108,11 +116,10 @@ FIRST_VECTOR = r"(?<=\n\()\(\S+ \S+ \S+\)|(?<=\n)\(\S+ \S+ 0\)\n"
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (_remove("constant"), "no constant/polyMesh/faces"),
+        (_remove("constant"), "no constant/polyMesh/points"),
         (_remove("system"), "no system/controlDict"),
         (_remove("[1-9]*"), "no time beyond 0"),
-        (_only_time_0, "no time beyond 0"),
-        (_remove("[1-9]*/U"), "expected a velocity field U"),
+        (_remove("[1-9]*/U"), "expected a velocity field U at time 3.95"),
         (_rewrite(*THIRD_LAYER), "found a 3-D mesh"),
         (_rewrite(FIRST_VECTOR, "(nan 0 0)\n", "[1-9]*/U"), "NaN or infinite"),
     ],
@@ -143,31 +150,38 @@ def _noise(case: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+def _spoilt(case: Path) -> None:
+    """Wrong at one point only, as OpenFOAM's is at two points of its elbow."""
+    (path,) = case.glob("[1-9]*/streamFunction")
+    text = path.read_text(encoding="utf-8")
+    numbers = list(re.finditer(r"(?m)^-?\d\.\d+(e-\d+)?$", text))
+    middle = numbers[9 * 17 + 8]
+    path.write_text(f"{text[: middle.start()]}0.01{text[middle.end() :]}", encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("edit", "why"),
     [
-        (_remove("[1-9]*/streamFunction"), "the case has none"),
+        (_remove("[1-9]*/streamFunction"), "U, 6.4"),
         (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "is not finite"),
         (_noise, "the case's is \\d+ % off"),
+        (_spoilt, "the case's is \\d+ % off"),
     ],
 )
 def test_without_its_stream_function_the_case_gives_the_same_flow(
     cavity_16: Path, tmp_path: Path, edit: Edit, why: str
 ) -> None:
-    """Fitted to U against that of the face fluxes: 4.4e-3 of the lid's speed rms on 16 cells.
-
-    The mesh's own error there is 5 times that; test_openfoam holds the order. Walls stay tight.
-    """
+    """The fit to U does not look at OpenFOAM's psi, so all are the same to rounding. Walls stay tight."""
     case = tmp_path / "case"
     shutil.copytree(cavity_16, case)
     edit(case)
     before = sorted(case.rglob("*"))
     fitted, own = read_case(case), read_case(cavity_16)
     assert sorted(case.rglob("*")) == before
-    assert re.search(f"stream function fitted to U, as .*{why}", fitted.origin)
+    assert re.search(f"stream function fitted to .*{why}", fitted.origin)
     a, b = (field.evaluate(*points(4000)) for field in (fitted, own))
     distance = np.hypot(a.velocity_x - b.velocity_x, a.velocity_y - b.velocity_y)
-    assert np.sqrt(np.mean(distance**2)) < 5e-3
+    assert distance.max() < 1e-12
     along, ones = np.linspace(0.0, 1.0, 400), np.ones(400)
     for wall in (0.0, 1.0):
         assert np.abs(fitted.evaluate(wall * ones, along).velocity_x).max() < 1e-15
@@ -181,7 +195,7 @@ def test_a_linear_flow_without_stream_function_is_exact() -> None:
     lies outside, where the rim's polynomial goes on. Gradients lose a factor 1/h: 2e-6.
     """
     field = read_case(DATA / "top_bottom_12")
-    assert field.origin.endswith("stream function fitted to U, as the case has none")
+    assert field.origin.endswith("stream function fitted to U, 5.8e-07 % off U (rms)")
     assert field.bounds == (-1.5, 1.5, -1.5, 1.5)
     x, y = np.meshgrid(np.linspace(-1.8, 1.8, 145), np.linspace(-1.8, 1.8, 145))
     sample = field.evaluate(x, y)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter, Token
 
-from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal
+from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.inputs import exists
 from ellipsoid_coupling.limits import LONGEST_RUN
 from ellipsoid_coupling.output.tables import print_table
@@ -50,7 +50,7 @@ OptionalWhole = Annotated[int | None, Parameter(converter=_whole)]
 
 def _print(*lines: str) -> None:
     for line in lines:
-        sys.stdout.write(line + "\n")
+        sys.stdout.write(shown(line) + "\n")
 
 
 @Parameter(name="*")
@@ -396,7 +396,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.stderr.write(f"ellipsoid: {error}\n")
         sys.exit(error.exit_status)
     except CycloptsError as error:
-        sys.stderr.write(f"ellipsoid: {error}\nSee ellipsoid --help.\n")
+        sys.stderr.write(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
         sys.exit(InputError.exit_status)
     except (MemoryError, OSError) as error:
         if isinstance(error, BrokenPipeError):

@@ -7,16 +7,22 @@ from collections.abc import Callable
 
 
 class EllipsoidError(Exception):
-    """Any failure that the package reports in words rather than by a traceback."""
+    """Any failure that the package reports in words rather than by a traceback.
+
+    Its text may quote file names, logs and files from anywhere, so it is made `shown` here, once for
+    all failures.
+    """
 
     exit_status = 1
+
+    def __init__(self, message: str) -> None:
+        super().__init__(shown(message))
 
 
 class InputError(EllipsoidError):
     """What a user gave does not fit: one message with place, expectation, finding and remedy.
 
-    Each part is cut to a readable length, and characters that would steer a terminal are shown as
-    escapes: what is quoted may come from anywhere.
+    Each part is one line of a readable length, see `readable`.
 
     Parameters
     ----------
@@ -40,11 +46,20 @@ class InputError(EllipsoidError):
 _LONGEST = 500
 
 
+def shown(text: str) -> str:
+    """`text` for a terminal, a log or a file: what is not printable stands there as its escape.
+
+    Control characters, escape sequences, marks that turn the direction of writing, and surrogates
+    (bytes that are no UTF-8) become \\x1b, \\u202e, \\udcff; line ends stay.
+    """
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 def readable(text: str) -> str:
-    """`text` in one line of printable characters, its middle left out where it is long."""
+    """`text` in one line, `shown`, its middle left out where it is long."""
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
-    return "".join(c if c.isprintable() else " " if c == "\n" else ascii(c)[1:-1] for c in text)
+    return shown(text.replace("\n", " "))
 
 
 def refusal(error: BaseException) -> str:

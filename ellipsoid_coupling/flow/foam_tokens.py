@@ -27,28 +27,46 @@ class Token(NamedTuple):
     end: int
 
 
-_SPACE = rb"(?:\s++|//[^\n]*+|/\*(?s:.*?)\*/)*+"
-# Possessive throughout: no text, however odd, makes the search go back.
-_TOKEN = re.compile(
-    rb"""(?P<mark>[{}()\[\];])
-    |(?P<string>"(?:[^"\\]|\\(?s:.))*+")
-    |(?P<verbatim>\#\{(?s:.*?)\#\})
-    |(?P<directive>\#[A-Za-z]\w*+)
-    |(?P<variable>\$(?:\{[^{}\s"';]*+\}|[^\s{}()\[\]"'/;#\\\x00-\x20])*+)
-    |(?P<word>[^\s{}()\[\]"'/;#$\\\x00-\x20][^\s{}()\[\]"'/;#\\\x00-\x20]*+)
-    |(?P<odd>(?s:.))""",
-    re.VERBOSE,
-)
-_BLANK = re.compile(_SPACE)
+# Plain classes of bytes, each repeated by itself: no search goes back, in any version of Python.
+_GAP = re.compile(rb"\s*")
+_DIRECTIVE = re.compile(rb"#[A-Za-z]\w*")
+_NAME_PART = re.compile(rb"[^\s{}()\[\]\"'/;#\\\x00-\x20]+")
+_BRACED = re.compile(rb"\{[^{}\s\"';]*\}")
+_WORD = re.compile(rb"[^\s{}()\[\]\"'/;#$\\\x00-\x20][^\s{}()\[\]\"'/;#\\\x00-\x20]*")
+_IN_STRING = re.compile(rb"[\"\\]")
+_OPENING = re.compile(rb"[\"/#]")
+_MARKS = b"{}()[];"
+# A comment's place is kept, so that what follows stays in its line and at its byte.
+_BLANKS = bytes(10 if byte == 10 else 32 for byte in range(256))
 
 
 def token_at(data: bytes, start: int) -> Token | None:
     """The first token of `data` from byte `start` on; None at the end."""
-    found = _TOKEN.match(data, after_space(data, start))
-    if found is None:
+    start = after_space(data, start)
+    if start >= len(data):
         return None
-    kind = cast(Kind, found.lastgroup)
-    return Token(kind, found[0].decode("latin-1"), found.start(), found.end())
+    kind, end = _kind_at(data, start)
+    return Token(kind, data[start:end].decode("latin-1"), start, end)
+
+
+def name_at(data: bytes, start: int) -> Token | None:
+    """As `token_at` where a name is expected: parentheses in it that close belong to it, in(1)."""
+    token = token_at(data, start)
+    if token is None or token.kind != "word":
+        return token
+    end, depth = token.end, 0
+    while True:
+        mark = data[end : end + 1]
+        found = _NAME_PART.match(data, end)
+        if found is not None:
+            end = found.end()
+        elif mark == b"(" or (mark == b")" and depth > 0):
+            depth += 1 if mark == b"(" else -1
+            end += 1
+        else:
+            break
+    text = data[token.start : end].decode("latin-1")
+    return token if depth else Token("word", text, token.start, end)
 
 
 def tokens(data: bytes) -> Iterator[Token]:
@@ -60,11 +78,84 @@ def tokens(data: bytes) -> Iterator[Token]:
 
 
 def after_space(data: bytes, start: int) -> int:
-    """The first byte from `start` on that is neither blank nor in a comment."""
-    found = _BLANK.match(data, start)
-    return start if found is None else found.end()
+    """The first byte from `start` on that is neither blank nor in a comment that ends."""
+    while True:
+        found = _GAP.match(data, start)
+        start = start if found is None else found.end()
+        end = _comment_end(data, start)
+        if end <= start:
+            return start
+        start = end
+
+
+def without_comments(data: bytes) -> bytes:
+    """`data` (ascii) with blanks for its comments: all places and lines stay what they are.
+
+    Behind a string, a comment or a #{ that never ends nothing is changed.
+    """
+    pieces, done, at = [], 0, 0
+    while found := _OPENING.search(data, at):
+        start = found.start()
+        end = _comment_end(data, start)
+        if end > start:
+            pieces += [data[done:start], data[start:end].translate(_BLANKS)]
+            done = at = end
+            continue
+        kind, at = _kind_at(data, start)
+        if kind == "odd" and data.startswith((b'"', b"/*", b"#{"), start):
+            break
+    return b"".join((*pieces, data[done:]))
 
 
 def line_of(data: bytes, at: int) -> int:
     """The line, from 1, of byte `at`."""
     return data.count(b"\n", 0, at) + 1
+
+
+def _kind_at(data: bytes, start: int) -> tuple[Kind, int]:
+    """What begins at byte `start`, and the byte behind it."""
+    first = data[start : start + 1]
+    if first in _MARKS:
+        return "mark", start + 1
+    if first == b'"':
+        end = _string_end(data, start)
+        return ("odd", start + 1) if end < 0 else ("string", end)
+    if data.startswith(b"#{", start):
+        end = data.find(b"#}", start + 2)
+        return ("odd", start + 1) if end < 0 else ("verbatim", end + 2)
+    if first == b"$":
+        return "variable", _variable_end(data, start)
+    directive = _DIRECTIVE.match(data, start)
+    if directive is not None:
+        return "directive", directive.end()
+    word = _WORD.match(data, start)
+    return ("odd", start + 1) if word is None else ("word", word.end())
+
+
+def _comment_end(data: bytes, start: int) -> int:
+    """The byte behind the comment that opens at `start`; `start` if none does, or it never ends."""
+    if data.startswith(b"//", start):
+        end = data.find(b"\n", start)
+        return len(data) if end < 0 else end
+    if data.startswith(b"/*", start):
+        end = data.find(b"*/", start + 2)
+        return start if end < 0 else end + 2
+    return start
+
+
+def _string_end(data: bytes, start: int) -> int:
+    """The byte behind the string that opens at `start`; -1 if it does not close."""
+    at = start + 1
+    while found := _IN_STRING.search(data, at):
+        if found[0] == b'"':
+            return found.end()
+        at = found.end() + 1
+    return -1
+
+
+def _variable_end(data: bytes, start: int) -> int:
+    """The byte behind a variable: $name, ${name}, or such parts one after another."""
+    end = start + 1
+    while found := _NAME_PART.match(data, end) or _BRACED.match(data, end):
+        end = found.end()
+    return end

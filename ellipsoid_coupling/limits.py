@@ -17,9 +17,8 @@ MOST_SCENE_BYTES = 1_000_000
 MOST_NESTING = 50
 # One file of a case, unpacked: faces of a plane mesh of a million cells in ascii.
 MOST_CASE_FILE_BYTES = 256_000_000
-# What a case's dictionaries, without mesh and solution, hold together, and how many files.
-MOST_DICTIONARY_BYTES = 50_000_000
-MOST_DICTIONARIES = 2_000
+# A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.
+MOST_START_BYTES = 30_000_000
 # A saved flow: the spline on 400 x 400 cells takes 1.5 MB; this is one on 5000 x 5000.
 MOST_FLOW_BYTES = 250_000_000
 # Times of a solved case that are looked at to find the last one.

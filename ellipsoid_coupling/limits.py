@@ -25,6 +25,8 @@ MOST_DICTIONARIES = 2_000
 MOST_MESH_ENTRIES = 5_000_000
 # Patches of a mesh: every one is compared with every edge of the rim.
 MOST_PATCHES = 1_000
+# A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.
+MOST_START_BYTES = 30_000_000
 # A saved flow: the spline on 400 x 400 cells takes 1.5 MB; this is one on 5000 x 5000.
 MOST_FLOW_BYTES = 250_000_000
 # Times of a solved case that are looked at to find the last one.

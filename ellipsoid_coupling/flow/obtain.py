@@ -84,7 +84,7 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     for kept in sorted((cache_home() / "flows").glob(f"{glob.escape(name)}-{cells}-*")):
         # One that cannot be read is not the one that is looked for.
         with suppress(InputError):
-            if is_solved(kept) and (field := _field_of(kept)).digest == digest:
+            if is_solved(kept) and (field := _field_of(kept, allow_misfit=True)).digest == digest:
                 return field
     return None
 

@@ -1,7 +1,8 @@
-"""Solve an OpenFOAM case: copy, mesh, start from a coarser solution, run to rest, stream function.
+"""Solve an OpenFOAM case: write it, mesh, start from a coarser solution, run to rest, stream function.
 
-A case folder is laid out as ``foam_cases/cavity`` is: ``0.orig``, ``constant`` and ``system``,
-where ``system/parameters`` holds `cells`, `processes`, `endTime` and `atRest`.
+A case folder is laid out as ``foam_cases/cavity`` is: ``0.orig`` (or ``0``), ``constant`` and ``system``,
+where ``system/parameters`` holds `cells` and `atRest`. What OpenFOAM gets is not the case's own files but
+what `trust` has written from them.
 
 Seconds to rest, all programs included, on two cores (the best of four; icoFoam alone took 28 s at
 100 cells with 700 small steps, two correctors and a Gauss-Seidel smoother for U, see
@@ -16,13 +17,15 @@ So a coarser solution is mapped from `MAPPED_FROM` cells on; the coarser run use
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import math
 import os
 import re
 import shutil
+import stat
+import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError, RunError
@@ -30,11 +33,20 @@ from ellipsoid_coupling.flow.cases import BUILT_IN
 from ellipsoid_coupling.flow.programs import (
     Follow,
     failed,
+    mpi_starts,
     openfoam_version,
     require_openfoam,
     run_program,
+    why_open,
 )
-from ellipsoid_coupling.flow.trust import INPUT_FOLDERS, LEFT_OUT, refuse_code
+from ellipsoid_coupling.flow.scratch import cleaned_up, move_to, scratch_folder
+from ellipsoid_coupling.flow.trust import (
+    LEFT_OUT,
+    PlainCase,
+    input_folders,
+    plain_case,
+    start_folder,
+)
 from ellipsoid_coupling.inputs import is_folder, is_ordinary, read_bytes, read_text
 from ellipsoid_coupling.kernels import cache_home
 from ellipsoid_coupling.limits import (
@@ -47,6 +59,8 @@ from ellipsoid_coupling.limits import (
 
 Report = Callable[[str, float], None]
 
+_FEWEST_CELLS = 4
+_LONGEST_NAME = 60
 # What a solved case is recognised by: written last, holds the hash of the case's inputs.
 MARK = "case.foam"
 # Below this many cells a coarser run saves less than meshing it and mapping it costs.
@@ -62,11 +76,12 @@ def case_folder(case: str | Path) -> Path:
     """The folder of a built-in case, or of the case at a path; InputError if it is neither."""
     known = sorted(folder.parent.name for folder in BUILT_IN.glob("*/system"))
     folder = BUILT_IN / case if str(case) in known else Path(case)
-    for name in INPUT_FOLDERS:
+    for name in input_folders(folder):
         if not is_folder(folder / name):
+            missing = "0.orig or 0" if name == "0" else name
             raise InputError(
-                str(case), f"a built-in case ({', '.join(known)}) or a folder with 0.orig, "
-                "constant and system", f"no {name} in {folder}", "Correct the name or the path.",
+                str(case), f"a built-in case ({', '.join(known)}) or a folder with 0.orig (or 0), "
+                "constant and system", f"no {missing} in {folder}", "Correct the name or the path.",
             )  # fmt: skip
     return folder
 
@@ -109,7 +124,7 @@ def _set_parameter(folder: Path, name: str, value: int) -> None:
 def inputs_hash(folder: Path, cells: int) -> str:
     """A hash of everything that the solution depends on; the number of processes is not in it."""
     digest = hashlib.sha256(f"{cells} {openfoam_version()}".encode())
-    for part in INPUT_FOLDERS:
+    for part in input_folders(folder):
         for path in sorted((folder / part).rglob("*")):
             if path.is_file() and LEFT_OUT not in path.parts:
                 content = read_bytes(path, "a file of a case", MOST_CASE_FILE_BYTES)
@@ -120,9 +135,35 @@ def inputs_hash(folder: Path, cells: int) -> str:
 
 
 def solved_folder(case: str | Path, cells: int) -> Path:
-    """Where the cache keeps, or would keep, the solution; RunError without OpenFOAM."""
+    """Where the cache keeps, or would keep, the solution; RunError without OpenFOAM.
+
+    A cache that cannot be written serves what it has; the rest lies among this user's temporary files.
+    """
     source = case_folder(case)
-    return cache_home() / "flows" / f"{source.name}-{cells}-{inputs_hash(source, cells)}"
+    name = re.sub(r"[^\w.+-]", "_", source.name, flags=re.ASCII)[:_LONGEST_NAME]
+    kept = cache_home() / "flows" / f"{name}-{cells}-{inputs_hash(source, cells)}"
+    return kept if is_solved(kept) or _is_writable(kept.parent) else _private_folder() / kept.name
+
+
+def _is_writable(folder: Path) -> bool:
+    """Whether a folder can be written to, or made."""
+    there = folder.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    return is_folder(there) and os.access(there, os.W_OK | os.X_OK)
+
+
+def _private_folder() -> Path:
+    """A folder among the temporary files that is this user's alone."""
+    folder = Path(tempfile.gettempdir()) / f"ellipsoid_coupling-{os.geteuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o022:
+        raise InputError(
+            str(folder), "a folder that is this user's alone", "another",
+            "Set ELLIPSOID_CACHE to a folder that can be written.",
+        )  # fmt: skip
+    return folder
 
 
 def is_solved(folder: Path, key: str | None = None) -> bool:
@@ -152,56 +193,78 @@ def solve_case(
     processes : for icoFoam; they do not change the solution beyond the solvers' tolerances
     out : where the solved case goes, instead of the cache; new, or this very case solved
     report : called with the stage, "flow CASE, N cells: what", and the fraction done, 0 to 1
-    trust : run it even if something in it can run code, see `flow.trust`
+    trust : give the case's own files to OpenFOAM, which runs what they ask for, see `flow.trust`
 
-    Raises InputError for what is no such case, or can run code and is not trusted; RunError if
-    OpenFOAM is missing, a program fails or the flow has not come to rest at endTime. The failed run
-    is kept beside the result's place.
+    Raises InputError for what is no such case, or holds more than a plane laminar case needs and is not
+    trusted; RunError if OpenFOAM is missing, a program fails or the flow has not come to rest at endTime.
+    The failed run is kept beside the result's place.
     """
     source = case_folder(case)
-    number = int(_number(source, "cells", 1e9)) if cells is None else cells
-    _check_size(str(case), number, processes)
-    _number(source, "atRest", 1.0)
-    if not trust:
-        refuse_code(source)
+    _check_processes(str(case), processes)
+    plain = None if trust else plain_case(source, cells, processes)
+    if plain is not None:
+        number = plain.cells
+    else:
+        number = int(_number(source, "cells", 1e9)) if cells is None else cells
+        _number(source, "atRest", 1.0)
+    _check_size(str(case), number, float(number) ** 2 if plain is None else plain.mesh_cells)
     require_openfoam()
     target = solved_folder(source, number) if out is None else out
-    if is_solved(target, inputs_hash(source, number)):
-        return target
     if target.exists():
+        if is_solved(target, inputs_hash(source, number)):
+            return target
         raise InputError(
             str(target), "no such folder yet, or this very case solved", "something else",
             "Name another folder, or remove this one.",
         )  # fmt: skip
     tell = report or _silent
+    stage = f"flow {source.name}, {number} cells"
+    if out is None and target.parent != cache_home() / "flows":
+        tell(f"{stage}: {cache_home()} cannot be written, so into {target.parent}", 0.0)
     coarse, share = None, 0.0
-    if number >= MAPPED_FROM:
+    if number >= MAPPED_FROM and (plain is None or plain.scales):
         share = COARSE_SHARE
         coarse = solve_case(
             source, number // 2, report=lambda s, f: tell(s, share * f), trust=trust
         )
-    stage = f"flow {source.name}, {number} cells"
-    _solve_into(
-        target, source, number, processes, coarse,
-        lambda what, done: tell(f"{stage}: {what}", share + (1.0 - share) * done),
-    )  # fmt: skip
+    solving = _Solving(source, number, processes, coarse, plain)
+    with cleaned_up():
+        _solve_into(
+            target, solving, lambda what, done: tell(f"{stage}: {what}", share + (1 - share) * done)
+        )
     tell(f"{stage}: at rest", 1.0)
     return target
 
 
-def _check_size(case: str, cells: int, processes: int) -> None:
-    """InputError for a mesh or a number of processes that this machine cannot hold."""
+@dataclass(frozen=True)
+class _Solving:
+    """What is to be solved: the case, its numbers, a coarser solution, and what was understood of it."""
+
+    source: Path
+    cells: int
+    processes: int
+    coarse: Path | None
+    plain: PlainCase | None
+
+
+def _check_processes(case: str, processes: int) -> None:
     cores = os.cpu_count() or 1
-    if cells < 4 or not 1 <= processes <= cores:
+    if not 1 <= processes <= cores:
         raise InputError(
-            case, f"at least 4 cells and 1 to {cores} processes, the cores of this machine",
-            f"{cells} cells, {processes} processes", "Change the numbers.",
+            case, f"1 to {cores} processes, the cores of this machine", f"{processes} processes",
+            "Change the number.",
         )  # fmt: skip
-    needed, limit = float(cells) ** 2 * BYTES_PER_FLUID_CELL, memory_limit()
+
+
+def _check_size(case: str, cells: int, mesh_cells: float) -> None:
+    """InputError for a mesh that is none, or that this machine cannot hold."""
+    if cells < _FEWEST_CELLS:
+        raise InputError(case, f"at least {_FEWEST_CELLS} cells", f"{cells} cells", "Take more.")
+    needed, limit = mesh_cells * BYTES_PER_FLUID_CELL, memory_limit()
     if needed > limit:
         raise InputError(
             case, f"a mesh that fits into the {in_words(limit)} of this machine",
-            f"{cells} cells a side, which take about {in_words(needed)}", "Take fewer cells.",
+            f"{mesh_cells:.3g} cells, which take about {in_words(needed)}", "Take fewer cells.",
         )  # fmt: skip
 
 
@@ -209,73 +272,85 @@ def _silent(stage: str, fraction: float) -> None:
     """The report of a caller who wants none."""
 
 
-def _solve_into(
-    target: Path, source: Path, cells: int, processes: int, coarse: Path | None, tell: Report
-) -> None:
-    """Solve beside the target and move the whole folder there, so that no half of one is found."""
-    scratch = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        _prepare(source, scratch, cells, processes)
-        _run_programs(scratch, coarse, processes, tell)
-        key = inputs_hash(source, cells)
+def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
+    """Solve in a folder of its own and move it to the target, so that no half of one is found."""
+    with scratch_folder(target) as scratch:
+        _prepare(solving, scratch)
+        try:
+            _run_programs(scratch, solving, tell)
+        except RunError as error:
+            kept = target.with_name(f"{target.name}-failed")
+            shutil.rmtree(kept, ignore_errors=True)
+            move_to(scratch, kept)
+            raise RunError(str(error).replace(str(scratch), str(kept))) from error
+        key = inputs_hash(solving.source, solving.cells)
         (scratch / MARK).write_text(key + "\n", encoding="utf-8")
-        with contextlib.suppress(OSError):  # somebody else was faster: theirs is as good
-            scratch.rename(target)
-    except RunError as error:
-        kept = target.with_name(f"{target.name}-failed")
-        shutil.rmtree(kept, ignore_errors=True)
-        scratch.rename(kept)
-        raise RunError(str(error).replace(str(scratch), str(kept))) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        # Where somebody else was faster, theirs is as good.
+        move_to(scratch, target)
     if not is_solved(target):
         raise RunError(f"The solved case could not be moved to {target}; is the disk full?")
 
 
-def _prepare(source: Path, scratch: Path, cells: int, processes: int) -> None:
-    """Copy a case's inputs, with these numbers in system/parameters."""
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir(parents=True)
-    for part in INPUT_FOLDERS:
-        shutil.copytree(source / part, scratch / part, ignore=shutil.ignore_patterns(LEFT_OUT))
-    shutil.copytree(scratch / "0.orig", scratch / "0")
-    _set_parameter(scratch, "cells", cells)
-    _set_parameter(scratch, "processes", processes)
+def _prepare(solving: _Solving, scratch: Path) -> None:
+    """Write a case's inputs; of a trusted one, copy them, with these numbers in system/parameters."""
+    if solving.plain is not None:
+        for name, text in solving.plain.files.items():
+            (scratch / name).parent.mkdir(exist_ok=True)
+            (scratch / name).write_text(text, encoding="ascii")
+        return
+    start = start_folder(solving.source)
+    for part, place in ((start, "0.orig"), (start, "0"), ("constant", ""), ("system", "")):
+        shutil.copytree(
+            solving.source / part, scratch / (place or part),
+            ignore=shutil.ignore_patterns(LEFT_OUT),
+        )  # fmt: skip
+    _set_parameter(scratch, "cells", solving.cells)
+    _set_parameter(scratch, "processes", solving.processes)
 
 
-def _run_programs(case: Path, coarse: Path | None, processes: int, tell: Report) -> None:
+def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
     """Mesh, map, run to rest and compute the stream function, in an own copy of the case."""
+    processes, walled = solving.processes, solving.plain is not None
+
+    def run(*command: str, follow: Follow | None = None, walled: bool = walled) -> Path:
+        return run_program(case, command, follow, walled=walled)
+
     tell("mesh", 0.0)
-    run_program(case, ["blockMesh"])
-    if coarse is not None:
-        run_program(case, ["mapFields", str(coarse), "-consistent", "-sourceTime", "latestTime"])
+    why = why_open(run("blockMesh"))
+    if solving.coarse is not None:
+        beside = shutil.copytree(solving.coarse, case / "coarse")
+        run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")
+        shutil.rmtree(beside)
     command = ["icoFoam"]
     if processes > 1:
-        run_program(case, ["decomposePar"])
+        run("decomposePar")
         command = ["mpirun", "-np", str(processes), "icoFoam", "-parallel"]
-    follow = _follow_residual(_number(case, "atRest", 1.0), tell)
-    log = run_program(case, command, follow)
-    if AT_REST not in log.read_text(encoding="utf-8"):
-        end = parameter(case, "endTime")
+        if walled and not why and not mpi_starts(case, processes):
+            walled, why = False, "mpirun does not start in one"
+    at_rest = _number(case, "atRest", 1.0) if solving.plain is None else solving.plain.at_rest
+    note = f"icoFoam (no wall around it: {why})" if why else "icoFoam"
+    log = run(*command, follow=_follow_residual(at_rest, note, tell), walled=walled)
+    if AT_REST not in log.read_text(encoding="utf-8", errors="replace"):
+        end = parameter(case, "endTime") if solving.plain is None else f"{solving.plain.end_time:g}"
         raise failed(f"icoFoam was not at rest at endTime {end}: a longer run is needed", log)
     if processes > 1:
-        run_program(case, ["reconstructPar", "-latestTime"])
+        run("reconstructPar", "-latestTime")
         for part in case.glob("processor*"):
             shutil.rmtree(part)
     tell("stream function", 0.95)
-    log = run_program(case, ["postProcess", "-func", "streamFunction", "-latestTime"])
-    if NO_START in log.read_text(encoding="utf-8"):
+    log = run("postProcess", "-func", "streamFunction", "-latestTime")
+    if NO_START in log.read_text(encoding="utf-8", errors="replace"):
         for wrong in case.glob("*/streamFunction*"):
             wrong.unlink()
 
 
-def _follow_residual(at_rest: float, tell: Report) -> Follow:
+def _follow_residual(at_rest: float, note: str, tell: Report) -> Follow:
     """A follower of icoFoam's log: the residual of U falls geometrically from 1 to `at_rest`."""
 
     def follow(grown: str) -> None:
         residuals = re.findall(r"Solving for Ux, Initial residual = ([^,\s]+),", grown)
         if residuals:
             fraction = math.log(max(float(residuals[-1]), at_rest)) / math.log(at_rest)
-            tell("icoFoam", 0.05 + 0.85 * min(max(fraction, 0.0), 1.0))
+            tell(note, 0.05 + 0.85 * min(max(fraction, 0.0), 1.0))
 
     return follow

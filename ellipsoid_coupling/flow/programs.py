@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.flow import confine
 
 PROGRAMS = ("blockMesh", "mapFields", "decomposePar", "icoFoam", "reconstructPar", "postProcess")
 INSTALL = "apt-get install -y --no-install-recommends openfoam"
@@ -55,24 +56,34 @@ def openfoam_version() -> str:
     return found[1] if found else "unknown"
 
 
-def run_program(case: Path, command: Sequence[str], follow: Follow | None = None) -> Path:
+def run_program(
+    case: Path, command: Sequence[str], follow: Follow | None = None, *, walled: bool = True
+) -> Path:
     """Run one program in a case folder, its output in log.PROGRAM; return the log's path.
+
+    It ends with this process, however that ends, and takes with it what it has started.
 
     Parameters
     ----------
     case : the case folder
     command : program and arguments, ``mpirun -np N`` before them for a parallel one
     follow : gets what the log has grown by, while the program runs
+    walled : without network, and writing nowhere but in `case`, where the system can do that; where
+        it cannot, the log begins with the reason, see `why_open`
 
     Raises RunError with the program's name, the log's last lines and its path if the program ends
     with any status but 0.
     """
     name = command[3] if command[0] == "mpirun" else Path(command[0]).name
     log = case / f"log.{name}"
-    with log.open("w", encoding="utf-8") as out, log.open(encoding="utf-8") as grown:
+    with (
+        log.open("w", encoding="utf-8") as out,
+        log.open(encoding="utf-8", errors="replace") as grown,
+    ):
         process = subprocess.Popen(
-            command, cwd=case, env=foam_environment(), stdout=out, stderr=subprocess.STDOUT
-        )
+            [*_beside(case if walled else None), *command], cwd=case, env=foam_environment(),
+            stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
         try:
             while process.poll() is None:
                 time.sleep(POLL_SECONDS)
@@ -87,8 +98,35 @@ def run_program(case: Path, command: Sequence[str], follow: Follow | None = None
     return log
 
 
+def _beside(folder: Path | None) -> list[str]:
+    """The start of a command whose program ends with this process, with a wall around `folder`."""
+    place = confine.NO_FOLDER if folder is None else str(folder.absolute())
+    return [sys.executable, "-I", "-S", str(Path(confine.__file__)), str(os.getpid()), place]
+
+
+def why_open(log: Path) -> str:
+    """Why the program of a log ran without a wall around it; empty if it had one."""
+    with log.open(encoding="utf-8", errors="replace") as file:
+        first = file.readline()
+    return first.removeprefix(confine.NO_WALL).strip() if first.startswith(confine.NO_WALL) else ""
+
+
+def mpi_starts(case: Path, processes: int) -> bool:
+    """Whether mpirun starts within the wall: some of its ways to find itself need a real network."""
+    command = [*_beside(case), "mpirun", "-np", str(processes), "true"]
+    done = subprocess.run(
+        command, cwd=case, env=foam_environment(), stdin=subprocess.DEVNULL, capture_output=True,
+        check=False, start_new_session=True,
+    )  # fmt: skip
+    return done.returncode == 0
+
+
 def failed(what: str, log: Path) -> RunError:
     """The error that quotes a log: what happened, its last lines, its path."""
-    lines = [line for line in log.read_text(encoding="utf-8").splitlines() if line.strip()]
+    lines = [
+        line
+        for line in log.read_text(encoding="utf-8", errors="replace").splitlines()
+        if line.strip()
+    ]
     end = "\n    ".join(lines[-LAST_LINES:])
     return RunError(f"{what}. The end of {log}:\n    {end}")

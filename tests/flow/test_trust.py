@@ -1,0 +1,329 @@
+"""Who gets in: nothing of a case reaches the solver but words and numbers that are known."""
+
+from __future__ import annotations
+
+import ast
+import gzip
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ellipsoid_coupling.cli import main
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow import openfoam, programs, trust
+from ellipsoid_coupling.flow.cases import BUILT_IN
+from ellipsoid_coupling.flow.openfoam import case_folder, solve_case
+from ellipsoid_coupling.flow.reader import read_case
+from ellipsoid_coupling.flow.trust import PlainCase, plain_case
+from tests.flow.known import points
+from tests.flow.ways_in import CODE, HEADERS
+
+needs_openfoam = pytest.mark.skipif(
+    not programs.openfoam_available(), reason="OpenFOAM is not installed"
+)
+FILES = (
+    "0.orig/U", "0.orig/p", "constant/transportProperties", "system/blockMeshDict",
+    "system/controlDict", "system/decomposeParDict", "system/fvSchemes", "system/fvSolution",
+    "system/parameters",
+)  # fmt: skip
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    """A stranger's copy of the cavity, on 16 cells."""
+    own = Path(shutil.copytree(case_folder("cavity"), tmp_path / "own"))
+    edit(own / "system" / "parameters", "cells       100;", "cells 16;")
+    return own
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), "utf-8")
+
+
+def refused(case: Path, match: str = "") -> InputError:
+    with pytest.raises(InputError, match=match) as caught:
+        plain_case(case, None, 1)
+    return caught.value
+
+
+@pytest.mark.parametrize("name", CODE)
+def test_code_is_refused_with_file_and_line(name: str, case: Path) -> None:
+    """Behind a valid dictionary, packed or not; the line is that of the text, or of its end."""
+    path = case / "system" / "controlDict"
+    text = path.read_text("utf-8")
+    first, last = text.count("\n") + 1, (text + CODE[name]).count("\n") + 1
+    data = (text + CODE[name]).encode("latin-1")
+    path.write_bytes(data)
+    error = refused(case, r"system/controlDict, line")
+    assert first <= int(error.where.rpartition("line ")[2]) <= last
+    assert "--trust" in error.remedy
+    path.unlink()
+    path.with_name("controlDict.gz").write_bytes(gzip.compress(data))
+    assert refused(case, r"system/controlDict\.gz, line").found == error.found
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_a_header_decides_nothing(name: str, case: Path) -> None:
+    path = case / "system" / "controlDict"
+    text = path.read_text("utf-8").partition("}")[2]
+    path.write_text(HEADERS[name] + text, "utf-8")
+    refused(case, "controlDict, line 1")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_code_is_refused_in_every_file(name: str, case: Path) -> None:
+    (case / name).write_text("\n\na #calc 1;\n" + (case / name).read_text("utf-8"), "utf-8")
+    assert refused(case, "the directive #calc").where == f"{case / name}, line 3"
+
+
+def test_files_that_nobody_needs(case: Path) -> None:
+    """Those that could be meant to change the flow are refused; others are not looked at, nor copied."""
+    (case / "constant" / "fvOptions").write_text("#codeStream", "utf-8")
+    refused(case, "constant/fvOptions: expected nothing but transportProperties in constant")
+    (case / "constant" / "fvOptions").rename(case / "constant" / "turbulenceProperties")
+    (case / "Allrun").write_text("touch marker", "utf-8")
+    (case / "system" / ".controlDict.swp").write_bytes(b"\0")
+    names = [name for name in FILES if name[0] != "0"]
+    names += [f"{start}/{field}" for start in ("0", "0.orig") for field in ("U", "p")]
+    assert sorted(plain_case(case, None, 1).files) == sorted(names)
+
+
+def test_bounds_are_looked_at_before_anything_is_parsed(case: Path) -> None:
+    """A dictionary of more than 1 MB is none, packed or not; 10^18 cells are refused by their number."""
+    path = case / "system" / "fvSchemes"
+    path.unlink()
+    path.with_name("fvSchemes.gz").write_bytes(gzip.compress(b"x 1;\n" * 10**6))
+    refused(case, r"fvSchemes\.gz: expected .* of at most 1 MB, unpacked")
+    (case / "system" / "fvSchemes").symlink_to("/dev/zero")
+    refused(case, "fvSchemes: .*a device")
+    path.unlink()
+    shutil.copy(case_folder("cavity") / "system" / "fvSchemes", path)
+    edit(case / "system" / "blockMeshDict", "($cells $cells 1)", "(999999999 999999999 1)")
+    with pytest.raises(InputError, match="a mesh that fits into"):
+        solve_case(case)
+
+
+def test_the_packages_own_cases_take_the_same_way(
+    case: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = sorted(path.name for path in BUILT_IN.iterdir() if path.is_dir())
+    assert names == ["cavity", "rotation", "top_bottom"]
+    for name in names:
+        assert plain_case(BUILT_IN / name, 20, 1).mesh_cells == 400
+    # A folder of that name where the program is started is not taken for the package's own.
+    evil = case.rename(case.with_name("cavity"))
+    monkeypatch.chdir(evil.parent)
+    (evil / "system" / "controlDict").write_text("#calc 1", "utf-8")
+    assert case_folder("cavity") == BUILT_IN / "cavity"
+    with pytest.raises(InputError, match="#calc"):
+        solve_case("./cavity")
+
+
+def test_numbers_of_parameters_are_put_in(case: Path) -> None:
+    plain = plain_case(case, 32, 2)
+    assert (plain.cells, plain.mesh_cells, plain.at_rest, plain.end_time) == (32, 1024, 1e-9, 20)
+    assert (
+        "hex (0 1 2 3 4 5 6 7) (32 32 1) simpleGrading (1 1 1)"
+        in (plain.files["system/blockMeshDict"])
+    )
+    assert "numberOfSubdomains 2;" in plain.files["system/decomposeParDict"]
+    # min(0.05, 400/32^2)
+    assert "deltaT 0.05;" in plain.files["system/controlDict"]
+    assert "deltaT 0.01;" in plain_case(case, 200, 1).files["system/controlDict"]
+    # pFinal is $p, spelt out.
+    assert plain.files["system/fvSolution"].count("solver GAMG;") == 2
+    edit(case / "system" / "blockMeshDict", "($cells $cells 1)", "(16 16 1)")
+    assert plain_case(case, 16, 1).mesh_cells == 256
+    with pytest.raises(InputError, match=r"blockMeshDict: expected blocks of \(\$cells"):
+        plain_case(case, 17, 1)
+
+
+VARIANTS = {
+    # file, old text, new text, what is written
+    "condition": ("0.orig/U", "noSlip;", "fixedValue; value uniform (0 0 0);", "value uniform (0 0 0);"),
+    "flux": ("0.orig/U", "noSlip;", "inletOutlet; inletValue uniform (1e-3 0 0);", "(0.001 0 0)"),
+    "column": (
+        "0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 2((1 2 3) (4 5 6));",
+        "nonuniform List<vector> 2\n(\n(1.0 2.0 3.0)\n(4.0 5.0 6.0)\n)",
+    ),
+    "no column": (
+        "0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 0();",
+        "nonuniform List<vector> 0\n(\n\n)",
+    ),
+    "units": ("0.orig/U", "[0 1 -1 0 0 0 0]", "[m s^-1]", "dimensions [0 1 -1 0 0 0 0];"),
+    "five units": ("0.orig/p", "[0 2 -2 0 0 0 0]", "[0 2 -2 0 0]", "dimensions [0 2 -2 0 0 0 0];"),
+    "nu": ("constant/transportProperties", "0.1;", "nu [0 2 -1 0 0 0 0] 1e-2;", "nu 0.01;"),
+    "comments": ("system/fvSolution", "PISO\n{", "/* { */ PISO // }\n{", "PISO\n{"),
+    "functions, none": ("system/controlDict", "functions", "runTimeModifiable yes;\nfunctions", "e no;"),
+    "arc": ("system/blockMeshDict", "boundary\n", "edges (arc 0 1 (.5 -.1 0));\nboundary\n",
+            "arc 0 1 (0.5 -0.1 0)"),
+    "sized": ("system/blockMeshDict", "faces ((3", "faces 1((3", "faces ((3 7 6 2));"),
+    "gradings": ("system/blockMeshDict", "simpleGrading (1 1 1)",
+                 "simpleGrading (((0.5 1 2) (0.5 1 .5)) 1 1)", "(((0.5 1 2) (0.5 1 0.5)) 1 1)"),
+    "groups": ("system/blockMeshDict", "type wall;\n        faces ((3",
+               "type wall; inGroups 1(wall); faces ((3", "lid\n{\n    type wall;\n    faces"),
+    "other solvers": ("system/fvSolution",
+                      "PISO\n{", "SIMPLE { consistent yes; }\nPISO\n{", "SIMPLE\n{\n}"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_other_plain_forms_are_understood(name: str, case: Path) -> None:
+    file, old, new, written = VARIANTS[name]
+    edit(case / file, old, new)
+    assert written in plain_case(case, None, 1).files[file]
+
+
+REFUSED = {
+    "condition": ("0.orig/U", "noSlip", "noSuchCondition", "a condition on a patch of those known"),
+    "entry": ("0.orig/U", "noSlip;", "noSlip; x 1;", "an entry of those known"),
+    "formula": ("0.orig/U", "exp(-0.5", "time(-0.5", "arithmetic of numbers and pos"),
+    "pattern": ("0.orig/U", "walls\n", '"w.*"\n', "a string or pattern in quotes"),
+    "units": ("0.orig/p", "[0 2 -2 0 0 0 0]", "[1 -1 -2 0 0 0 0]", r"dimensions \[0 2 -2 0 0 0 0\]"),
+    "a count": ("0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 2((1 2 3));",
+                "a list of other than 2 entries"),
+    "solver": ("system/controlDict", "icoFoam", "simpleFoam", "application icoFoam"),
+    "start": ("system/controlDict", "startTime       0", "startTime 1", "startTime from 0 to 0"),
+    "scheme": ("system/fvSchemes", "Euler", "CoEuler", "a scheme of those known"),
+    "a number": ("system/fvSolution", "1e-10", "-1", "a number tolerance from 0 to 1"),
+    "no such number": ("system/blockMeshDict", "$cells", "$cell", "no number cell stands before"),
+    "a vertex": ("system/blockMeshDict", "(3 7 6 2)", "(3 7 6 8)", "4 whole numbers below 8"),
+    "cells": ("system/parameters", "cells 16;", "cells 0.5;", "a number cells from 1"),
+    "no cells": ("system/parameters", "cells 16;", "", "no number cells stands before"),
+    "at rest": ("system/parameters", "1e-9", "nan", "a number"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_known_is_refused_in_words(name: str, case: Path) -> None:
+    file, old, new, match = REFUSED[name]
+    edit(case / file, old, new)
+    assert file in refused(case, match).where
+
+
+def _unknown(text: str, known: set[str]) -> set[str]:
+    """The tokens of a written file that are neither numbers nor known, parentheses or not."""
+    tokens = set(re.split(r"[\s{};\[\]]+", text))
+    return {
+        token for token in tokens
+        if token not in known and (bare := token.strip("()")) not in known
+        and not re.fullmatch(r"(-?[\d.]+(e[+-]?\d+)?)?", bare)
+    }  # fmt: skip
+
+
+def _known_words() -> set[str]:
+    """All words that stand in the tables of what a plane laminar case needs."""
+    found: set[str] = set()
+    for name in ("trust", "foam_tables", "foam_start", "foam_blocks", "foam_rules"):
+        tree = ast.parse((Path(trust.__file__).parent / f"{name}.py").read_text("utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found |= {node.value, *re.split(r"[\s{};\[\]()]+", node.value)}
+    return found
+
+
+KNOWN = _known_words()
+NAMES = {"lid", "walls", "frontAndBack", "own", "coded_1"}
+EXPRESSION = re.compile(r'valueExpr "[a-z0-9.,()+*/-]*"')
+
+
+def _assert_plain(plain: PlainCase) -> None:
+    for name, text in plain.files.items():
+        rest = EXPRESSION.sub("valueExpr", text) if name.endswith("/U") else text
+        assert not set(rest) & set("#$\"'\\/%~^&`"), (name, rest)
+        own = set() if name == "system/controlDict" else NAMES
+        if name == "system/parameters":
+            own = {line.split()[0] for line in rest.splitlines()}
+        assert not _unknown(rest, KNOWN | own), (name, rest)
+
+
+PIECES = [
+    *CODE.values(), *HEADERS.values(), *FILES, "libs", "(mine)", "functions", "{", "}", "(", ")",
+    ";", "#", "$", '"', "/", "*", "//", "/*", "*/", "\\", "'", "\n", " ", "1", "-1e3", "own", "coded_1",
+    "type", "coded", "$cells", "$p;", '#include "parameters"', '#eval "1+1"', "uniform", "nonuniform",
+    "List<vector> 1((1 2 3))", "wall", "own { type wall; faces ((0 1 2 3)); }", "[0 1]", "x",
+    "own { type noSlip; }", "#{", "#}", "\0", "\xff", "value uniform (0 0 0);", "noSlip",
+]  # fmt: skip
+
+
+@settings(
+    max_examples=300, deadline=None, derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+@given(
+    file=st.sampled_from(FILES),
+    edits=st.lists(
+        st.tuples(st.floats(0, 1), st.integers(0, 12), st.sampled_from(PIECES)), max_size=3
+    ),
+)
+def test_what_is_accepted_is_written_from_known_words_only(
+    case: Path, file: str, edits: list[tuple[float, int, str]]
+) -> None:
+    """Any text put anywhere, instead of up to 12 characters: refused, or gone from what is written."""
+    path = case / file
+    before = path.read_text("utf-8")
+    text = before
+    for place, length, piece in edits:
+        at = int(place * len(text))
+        text = text[:at] + piece + text[at + length :]
+    path.write_text(text, "latin-1")
+    try:
+        _assert_plain(plain_case(case, None, 1))
+    except InputError:
+        pass
+    finally:
+        path.write_text(before, "utf-8")
+
+
+def test_the_command_refuses_and_trust_lets_it_pass(
+    case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (case / "system" / "fvSchemes").write_text("\n#codeStream", "utf-8")
+    with pytest.raises(SystemExit) as ended:
+        main(["flow", str(case), "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    assert "system/fvSchemes, line 2: expected plain words" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    # Trusted, it goes on to what comes next: OpenFOAM, which is not there.
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(SystemExit) as ended:
+        main(["flow", str(case), "--trust", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 1
+    assert "OpenFOAM is missing" in capsys.readouterr().err
+    monkeypatch.setattr(openfoam, "plain_case", lambda *_: pytest.fail("asked though trusted"))
+    with pytest.raises(SystemExit):
+        main(["flow", str(case), "--trust"])
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_strangers_plain_case_is_solved(case: Path) -> None:
+    """0 instead of 0.orig, U in binary from another run, no function object: the cavity's own flow.
+
+    Another start leaves the rest as it is, to what the stop leaves (1.5e-9) and single precision (1e-6).
+    """
+    expected = read_case(solve_case("cavity", 16)).evaluate(*points(200))
+    (case / "0.orig").rename(case / "0")
+    start = case / "0" / "U"
+    text = start.read_text("utf-8").replace("ascii", 'binary; arch "LSB;label=32;scalar=64"')
+    values = np.zeros((256, 3), "<f8")
+    values[:, 0] = 0.1
+    column = b"nonuniform List<vector> 256\n(" + values.tobytes() + b")"
+    start.write_bytes(
+        text.encode().replace(b"internalField   uniform (0 0 0)", b"internalField " + column)
+    )
+    control = case / "system" / "controlDict"
+    control.write_text(control.read_text("utf-8").partition("functions")[0], "utf-8")
+    solved = solve_case(case)
+    assert "256\n(\n(0.1 0.0 0.0)\n" in (solved / "0.orig" / "U").read_text("utf-8")
+    found = read_case(solved).evaluate(*points(200))
+    np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=2e-6)
+    np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)

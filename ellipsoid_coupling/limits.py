@@ -44,6 +44,10 @@ MOST_SEED = 2**63 - 1
 SMALLEST_STEP = 1e-15
 # Names become file names; systems allow 255 bytes, and numbers and endings are added.
 MOST_NAME = 100
+# A title stands above a figure.
+MOST_LINE = 300
+# What systems allow for a path, bytes.
+MOST_PATH = 4096
 # What icoFoam takes for a cell, measured at 200 x 200.
 BYTES_PER_FLUID_CELL = 1_500
 

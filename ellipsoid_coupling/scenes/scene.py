@@ -25,6 +25,7 @@ from pydantic import (
 from ellipsoid_coupling.limits import (
     LARGEST_NUMBER,
     LEAST_CFL,
+    LEAST_HARMONICS_TOLERANCE,
     LEAST_TOLERANCE,
     MOST_ANGLE_CELLS,
     MOST_COUNT,
@@ -299,7 +300,7 @@ class Numerics(Part):
     tolerance: Annotated[Positive, Field(ge=LEAST_TOLERANCE)] = 1e-4
     cfl: Annotated[float, Field(ge=LEAST_CFL, le=1)] = 0.9
     interaction: Literal["auto", "direct", "harmonics"] = "auto"
-    harmonics_tolerance: Positive = 2e-2
+    harmonics_tolerance: Annotated[Positive, Field(ge=LEAST_HARMONICS_TOLERANCE)] = 2e-2
 
 
 class Scene(Part):

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import resource
+from collections.abc import Iterator
 from pathlib import Path
 
 # A scene is a page of text, the longest list of save times included.
@@ -41,6 +43,8 @@ MOST_COUNT = 10**18
 # A step's error in lengths and radian: double precision keeps no place to less, so no step is short
 # enough for less.
 LEAST_TOLERANCE = 1e-14
+# Rounding alone is 1e-13 of the largest force where a series of some hundred harmonics is summed.
+LEAST_HARMONICS_TOLERANCE = 1e-12
 # Times a million more steps than grids need; below, a run does not end.
 LEAST_CFL = 1e-6
 # A hundredth of a degree in [0, 2 pi); the paper has 60.
@@ -51,24 +55,77 @@ MOST_SEED = 2**63 - 1
 SMALLEST_STEP = 1e-15
 # Names become file names; systems allow 255 bytes, and numbers and endings are added.
 MOST_NAME = 100
+# A title stands above a figure.
+MOST_LINE = 300
+# What systems allow for a path, bytes.
+MOST_PATH = 4096
 # What icoFoam takes for a cell, measured at 200 x 200.
 BYTES_PER_FLUID_CELL = 1_500
 
 # Seconds: a run whose end is further away at its present pace stops, unless it is given more.
 LONGEST_RUN = 30 * 86_400.0
 
-_CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")
+_PROCESS = Path("/proc/self")
+# What a shell's `ulimit` bounds, and the line of /proc/self/status that says what is taken of it.
+_SHELL = ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData"))
 
 
 def memory_limit() -> int:
-    """The bytes that this process may take: the machine's, its container's or its shell's limit."""
-    limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if soft != resource.RLIM_INFINITY:
-        limits.append(soft)
-    with contextlib.suppress(OSError, ValueError):  # no such limit
-        limits.append(int(_CONTROL_GROUP.read_text(encoding="ascii")))
-    return min(limits)
+    """The bytes that this process may take: the machine's, its containers' or its shell's limit."""
+    return min(limit for limit, _ in _memory_limits())
+
+
+def memory_left() -> int:
+    """The bytes that this process may take beyond what it has."""
+    status = _read(_PROCESS / "status")
+    taken = {key: 1024 * int(size) for key, size in re.findall(r"(Vm\w+):\s+(\d+) kB", status)}
+    return max(min(limit - taken.get(key, 0) for limit, key in _memory_limits()), 0)
+
+
+def _memory_limits() -> list[tuple[int, str]]:
+    """Every limit in bytes, and the line of /proc/self/status that counts towards it."""
+    limits = [(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), "VmRSS")]
+    shell = [(resource.getrlimit(kind)[0], key) for kind, key in _SHELL]
+    limits += [(soft, key) for soft, key in shell if soft != resource.RLIM_INFINITY]
+    for path in _control_groups():
+        with contextlib.suppress(ValueError):  # "max", or no such file
+            limits.append((int(_read(path)), "VmRSS"))
+    return limits
+
+
+def _control_groups() -> Iterator[Path]:
+    """The files that may hold a limit: of the process's own groups and of all above them.
+
+    Version 2 has one tree, version 1 one of them for memory. Within a container the mount may show a
+    part of the tree only: groups whose path leads nowhere there are passed over.
+    """
+    mounts = {}
+    for line in _read(_PROCESS / "mountinfo").splitlines():
+        before, _, after = line.partition(" - ")
+        kind, _, options = after.partition(" ")
+        if kind == "cgroup2" or (
+            kind == "cgroup" and "memory" in options.split(" ")[-1].split(",")
+        ):
+            mounts[kind] = Path(before.split(" ")[4])
+    for line in _read(_PROCESS / "cgroup").splitlines():
+        number, _, rest = line.partition(":")
+        controllers, _, name = rest.partition(":")
+        kind = "cgroup2" if number == "0" else "cgroup"
+        if kind in mounts and (kind == "cgroup2" or "memory" in controllers.split(",")):
+            mount = mounts[kind]
+            group = mount / name.lstrip("/")
+            file = "memory.max" if kind == "cgroup2" else "memory.limit_in_bytes"
+            yield from (
+                path / file for path in (group, *group.parents) if path.is_relative_to(mount)
+            )
+
+
+def _read(path: Path) -> str:
+    """A small file of the system; nothing where there is none."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def in_words(size: float) -> str:

@@ -300,11 +300,12 @@ def _finished(folder: RunFolder) -> Result | None:
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
-    names = snapshots[0].keys()
+    """The variables of all snapshots, which are emptied: both at once would take twice the memory."""
+    names = tuple(snapshots[0])
     if len(snapshots) == 1:
         # As it is: to copy large fields takes as long as a step.
         return {name: snapshots[0][name][None][:count] for name in names}
-    return {name: np.stack([s[name] for s in snapshots])[:count] for name in names}
+    return {name: np.stack([s.pop(name) for s in snapshots])[:count] for name in names}
 
 
 def _resolution(layout: str, setup: Setup) -> str:

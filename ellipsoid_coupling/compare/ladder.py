@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ellipsoid_coupling.limits import LEAST_HARMONICS_TOLERANCE
 from ellipsoid_coupling.models import SchemeName
 from ellipsoid_coupling.scenes import Scene, scene_from_table
 from ellipsoid_coupling.scenes.scene import Domain
@@ -181,6 +182,7 @@ def _with_harmonics(
         own = scene.numerics.harmonics_tolerance
         samples = scene.particles.number * scene.particles.realisations
         work = (_SAMPLES_OF_GRID + samples) * factor**_WORK_OF_HARMONICS
-        finer = changed(scene, {"numerics.harmonics_tolerance": own * factor})
+        tolerance = max(own * factor, LEAST_HARMONICS_TOLERANCE)
+        finer = changed(scene, {"numerics.harmonics_tolerance": tolerance})
         found.append(Level(finer, work * _steps_taken(scheme, step), 0.0))
     return found

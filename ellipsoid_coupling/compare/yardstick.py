@@ -17,6 +17,7 @@ from ellipsoid_coupling.compare.reference import exact_reference, has_exact_refe
 from ellipsoid_coupling.compare.split import Bins, bin_result, distance, sampling_error
 from ellipsoid_coupling.compare.timing import Bench, Timed
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.limits import LEAST_HARMONICS_TOLERANCE
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
@@ -86,7 +87,8 @@ def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]
     """
     numerics, own = scene.numerics, scene.particles.realisations
     most = max(own, _MOST_SAMPLES // scene.particles.number)
-    finer = {"numerics.harmonics_tolerance": numerics.harmonics_tolerance / _FINER_HARMONICS}
+    tolerance = max(numerics.harmonics_tolerance / _FINER_HARMONICS, LEAST_HARMONICS_TOLERANCE)
+    finer = {"numerics.harmonics_tolerance": tolerance}
     levels = [
         Level(
             changed(scene, finer | {"numerics.tolerance": numerics.tolerance * factor}), cost, 0.0

@@ -24,6 +24,11 @@ def model_name(model: str) -> str:
     return MODEL_NAMES.get(model, model)
 
 
+def literal(text: str) -> str:
+    """`text` for matplotlib, which takes what stands between two $ for mathematics."""
+    return text.replace("$", r"\$")
+
+
 def result_labels(results: Sequence[Result]) -> list[str]:
     """One label a result: the model; scheme, resolution, scene, seed, number where labels repeat."""
     labels = [model_name(result.model) for result in results]
@@ -42,4 +47,5 @@ def result_labels(results: Sequence[Result]) -> list[str]:
             labels = [long if counts[label] > 1 else label for label, long in pairs]
     counts = Counter(labels)
     numbered = enumerate(labels, 1)
-    return [f"{label}, run {k}" if counts[label] > 1 else label for k, label in numbered]
+    numbers = [f", run {k}" if counts[label] > 1 else "" for k, label in numbered]
+    return [literal(label) + number for label, number in zip(labels, numbers, strict=True)]

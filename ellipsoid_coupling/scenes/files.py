@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
@@ -141,8 +142,13 @@ def table_to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
 
 
 def _toml_value(value: object) -> str:
-    # A JSON string, number, boolean or list of them is a TOML value as well.
-    return json.dumps(value, allow_nan=False)
+    """A JSON string, number, boolean or list of them is a TOML value as well, with two exceptions.
+
+    TOML wants an escape for 0x7f, and has none for halves of letters, which bytes of a name that are
+    no UTF-8 become: these are written out.
+    """
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return re.sub("[\ud800-\udfff]", lambda half: f"\\\\u{ord(half[0]):04x}", text)
 
 
 def _read_table(scene: str | Path) -> tuple[Table, str]:

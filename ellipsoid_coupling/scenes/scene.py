@@ -25,14 +25,19 @@ from pydantic import (
 from ellipsoid_coupling.limits import (
     LARGEST_NUMBER,
     LEAST_CFL,
+    LEAST_HARMONICS_TOLERANCE,
     LEAST_TOLERANCE,
     MOST_ANGLE_CELLS,
     MOST_COUNT,
+    MOST_LINE,
     MOST_NAME,
+    MOST_PATH,
     MOST_SEED,
     SMALLEST_NUMBER,
     SMALLEST_STEP,
 )
+
+_JOINERS = dict.fromkeys(map(ord, "\u200c\u200d"))
 
 
 def _in_range(value: float) -> float:
@@ -43,9 +48,16 @@ def _in_range(value: float) -> float:
 
 
 def _one_line(text: str) -> str:
-    if not text.isprintable():
+    # Letters may be joined (emoji, Persian) by characters that are not printable alone.
+    if not text.translate(_JOINERS).isprintable():
         raise ValueError("one line of printable characters")
     return text
+
+
+def _no_zero(path: str) -> str:
+    if "\0" in path:
+        raise ValueError("a path without zero bytes")
+    return path
 
 
 def _file_name(name: str) -> str:
@@ -68,7 +80,9 @@ Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
 Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
 Interval = Annotated[tuple[Number, Number], Strict(False)]
-Line = Annotated[str, AfterValidator(_one_line)]
+Line = Annotated[str, Field(max_length=MOST_LINE), AfterValidator(_one_line)]
+# As systems allow them: letters of any kind, tabs and line ends included.
+PathText = Annotated[str, Field(min_length=1, max_length=MOST_PATH), AfterValidator(_no_zero)]
 Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
 Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
 Times = Annotated[
@@ -219,7 +233,7 @@ class Flow(Part):
     """
 
     source: Literal["openfoam", "closed_form"]
-    field: Annotated[Line, Field(min_length=1)]
+    field: PathText
     cells: Count = 100
     drag: NotNegative
     angular_drag: NotNegative
@@ -286,7 +300,7 @@ class Numerics(Part):
     tolerance: Annotated[Positive, Field(ge=LEAST_TOLERANCE)] = 1e-4
     cfl: Annotated[float, Field(ge=LEAST_CFL, le=1)] = 0.9
     interaction: Literal["auto", "direct", "harmonics"] = "auto"
-    harmonics_tolerance: Positive = 2e-2
+    harmonics_tolerance: Annotated[Positive, Field(ge=LEAST_HARMONICS_TOLERANCE)] = 2e-2
 
 
 class Scene(Part):
@@ -336,5 +350,5 @@ class RunPart(Part):
     scheme: Line = "accurate"
     seed: Annotated[int, Field(ge=0, le=MOST_SEED)] = 0
     realisations: Count | None = None
-    flow: Line = "none"
+    flow: str = "none"
     flow_digest: Line = "none"

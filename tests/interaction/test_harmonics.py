@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numba
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction import DirectInteraction, Forces, HarmonicInteraction
+from ellipsoid_coupling.interaction import angular as angular_module
 from ellipsoid_coupling.interaction.angular import (
     AngularSeries,
     angular_series,
@@ -247,3 +249,27 @@ def test_reach_below_one_cell_gives_no_force() -> None:
     found = HarmonicInteraction(CELLS, 1.0, series)(*scatter())
     exact = DirectInteraction(CELLS, 0.5, shape, 1.0)(*scatter())
     np.testing.assert_allclose(found.x, exact.x, atol=1e-12)
+
+
+@pytest.mark.parametrize(("aspect", "tolerance"), [(1.2, 1e-4), (2.0, 2e-2), (4.0, 5e-2)])
+def test_a_series_that_just_reaches_the_tolerance_is_found(aspect: float, tolerance: float) -> None:
+    """The search gives up early only where there is nothing to find."""
+    shape = potential_shape(LENGTH, LENGTH / aspect)
+    series = series_of(aspect, tolerance)
+    again = angular_series(shape, H, tolerance, series.harmonics)
+    assert again is not None
+    assert again.harmonics == series.harmonics
+
+
+def test_a_tolerance_beyond_rounding_is_given_up_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A series of 1000 harmonics would take minutes; 62 show that it reaches no 1e-16 either."""
+    tried: list[int] = []
+
+    def expand(*arguments: Any) -> Any:
+        tried.append(arguments[2])
+        return angular_expand(*arguments)
+
+    angular_expand = angular_module._expand
+    monkeypatch.setattr(angular_module, "_expand", expand)
+    assert angular_series(potential_shape(LENGTH, LENGTH / 1.2), H, 1e-16, 1000) is None
+    assert max(tried) <= 126

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any, Literal, ParamSpec
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -19,18 +21,34 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.output.figures.style import DOTS_PER_INCH, LETTERS_PER_INCH, SETTINGS
+from ellipsoid_coupling.output.labels import literal
 
 P = ParamSpec("P")
+# More would leave no room for the panels.
+_MOST_TITLE_LINES = 5
 Extent = tuple[float, float, float, float]
 Layout = Literal["constrained", "compressed"]
 
 
+@contextmanager
+def settings() -> Iterator[None]:
+    """The package's settings over matplotlib's own, whatever a user's matplotlibrc says.
+
+    Letters that the font does not have, such as an emoji in a title, are drawn as boxes, in silence.
+    """
+    with rc_context(), catch_warnings():
+        rcdefaults()
+        rcParams.update(SETTINGS)
+        filterwarnings("ignore", message=r"Glyph \d+ ", category=UserWarning)
+        yield
+
+
 def styled(build: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Build a figure under the package's settings, whatever a user's matplotlibrc says."""
+    """Build a figure under `settings`."""
 
     @wraps(build)
     def under_settings(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with rc_context(SETTINGS):
+        with settings():
             return build(*args, **kwargs)
 
     return under_settings
@@ -55,14 +73,17 @@ def add_title(figure: Figure, title: str) -> None:
 
 
 def wrapped(figure: Figure, title: str) -> str:
-    """A title in lines that fit the figure's width."""
+    """A title as it stands, in lines that fit the figure's width."""
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
-    return "\n".join(textwrap.fill(line, width) for line in title.splitlines())
+    lines = [part for line in title.splitlines() for part in textwrap.wrap(line, width)]
+    if len(lines) > _MOST_TITLE_LINES:
+        lines = [*lines[: _MOST_TITLE_LINES - 1], "..."]
+    return literal("\n".join(lines))
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write a PNG of the figure's own size; the file is whole or not there."""
-    with rc_context(SETTINGS), whole_file(Path(path)) as beside:
+    with settings(), whole_file(Path(path)) as beside:
         figure.savefig(beside, format="png", dpi=DOTS_PER_INCH)
     return Path(path)
 

@@ -31,6 +31,7 @@ SETTINGS: Any = {
     "axes.linewidth": 0.6,
     "lines.linewidth": 1.5,
     "lines.markersize": 4.5,
+    "text.usetex": False,
 }
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures import draw_all
@@ -41,3 +42,17 @@ def test_failed_runs_show_what_they_reached(rho_result: Result, tmp_path: Path, 
     short = replace(rho_result, times=rho_result.times[:keep], variables=variables)
     assert len(draw_all([short], tmp_path)) == 2 * keep
     assert np.all(np.isfinite(rho_result.times))
+
+
+@pytest.mark.parametrize(
+    "title", [r"$\frac{1}$", "100 $ and 200 $ \U0001f600", r"a_b^c \$ % # &", "wide " * 60]
+)
+def test_titles_are_drawn_as_they_stand(
+    particle_result: Result, lid_flow: FlowField, title: str, tmp_path: Path
+) -> None:
+    """No mathematics, no TeX, no font that lacks a letter ends in an error or a warning."""
+    scene = particle_result.scene.model_copy(update={"title": title})
+    told = particle_result.attributes | {"resolution": title, "seed": 0}
+    results = [replace(particle_result, scene=scene, attributes=told)] * 2
+    with rc_context({"text.usetex": True, "font.family": ["no such font"]}):
+        assert draw_all(results, tmp_path, lid_flow)

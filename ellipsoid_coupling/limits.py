@@ -19,10 +19,8 @@ MOST_SCENE_BYTES = 1_000_000
 MOST_NESTING = 50
 # One file of a case, unpacked: faces of a plane mesh of a million cells in ascii.
 MOST_CASE_FILE_BYTES = 256_000_000
-# What a case's dictionaries, without mesh and solution, hold together, and how many files: those of
-# a plane case are some pages of text; 4 MB of them are scanned in a second or two.
+# A dictionary or list of patches of a case: pages of text; 4 MB are scanned in a second or two.
 MOST_DICTIONARY_BYTES = 4_000_000
-MOST_DICTIONARIES = 2_000
 # Points, faces or cells of a mesh: a plane one of a million cells has four million faces.
 MOST_MESH_ENTRIES = 5_000_000
 # Patches of a mesh: every one is compared with every edge of the rim.

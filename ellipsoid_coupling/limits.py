@@ -25,6 +25,8 @@ MOST_DICTIONARY_BYTES = 4_000_000
 MOST_MESH_ENTRIES = 5_000_000
 # Patches of a mesh: every one is compared with every edge of the rim.
 MOST_PATCHES = 1_000
+# Files of a case that a run starts from, those that no solver reads included.
+MOST_CASE_FILES = 2_000
 # A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.
 MOST_START_BYTES = 30_000_000
 # A saved flow: the spline on 400 x 400 cells takes 1.5 MB; this is one on 5000 x 5000.

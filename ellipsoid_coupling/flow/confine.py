@@ -45,6 +45,7 @@ _CAPABILITIES_3, _MOST_CAPABILITIES = 0x20080522, 64
 _KEPT_CAPABILITIES = (0, 1, 2, 3)
 _DEVICES = ("null", "zero", "full", "random", "urandom")
 _HIDDEN = ("/tmp", "/run")
+_PATHS = ("PATH", "LD_LIBRARY_PATH", "WM_PROJECT_DIR", "OPAL_PREFIX")
 _ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 _LINUX = sys.platform == "linux"
 
@@ -55,6 +56,10 @@ def _call(name: str, *arguments: object) -> None:
     if getattr(library, name)(*arguments) < 0:
         number = ctypes.get_errno()
         raise OSError(number, f"{name}: {os.strerror(number)}")
+
+
+def _prctl(option: int, value: int) -> None:
+    _call("prctl", option, *map(ctypes.c_ulong, (value, 0, 0, 0)))
 
 
 def _mount(source: str, target: str, kind: str | None, flags: int, data: str | None = None) -> None:
@@ -99,8 +104,12 @@ def _build_wall(folder: str, program: str) -> None:
     _mount("none", "/", None, _RECURSIVE | _SLAVE)
     inside = os.open(folder, os.O_PATH | os.O_DIRECTORY)
     devices = {name: os.open(f"/dev/{name}", os.O_PATH) for name in _DEVICES}
-    # What holds the program itself stays.
-    hidden = [path for path in _HIDDEN if Path(path).is_dir() and not _is_in(program, path)]
+    # What holds programs or libraries stays.
+    needed = [program, *(part for key in _PATHS for part in os.environ.get(key, "").split(":"))]
+    hidden = [
+        path for path in _HIDDEN
+        if Path(path).is_dir() and not any(part.startswith(f"{path}/") for part in needed)
+    ]  # fmt: skip
     for path in ("/dev", *hidden):
         _mount("tmpfs", path, "tmpfs", _NO_SUID, "mode=0755,size=256m")
     Path("/dev/shm").mkdir()
@@ -119,22 +128,18 @@ def _build_wall(folder: str, program: str) -> None:
     _give_up_rights()
 
 
-def _is_in(path: str, folder: str) -> bool:
-    return path.startswith(folder + "/")
-
-
 def _give_up_rights() -> None:
     """No capability that could undo the wall, now or by any program started from here."""
     for capability in range(_MOST_CAPABILITIES):
         if capability not in _KEPT_CAPABILITIES:
             with contextlib.suppress(OSError):  # the system knows fewer
-                _call("prctl", _DROP, capability, 0, 0, 0)
-    _call("prctl", _AMBIENT, _CLEAR_ALL, 0, 0, 0)
+                _prctl(_DROP, capability)
+    _prctl(_AMBIENT, _CLEAR_ALL)
     header, data = struct.pack("=Ii", _CAPABILITIES_3, 0), ctypes.create_string_buffer(24)
     _call("capget", header, data)
     effective, permitted, _, *upper = struct.unpack("=6I", data.raw)
     _call("capset", header, struct.pack("=6I", effective, permitted, 0, *upper[:2], 0))
-    _call("prctl", _NO_PRIVILEGES, 1, 0, 0, 0)
+    _prctl(_NO_PRIVILEGES, 1)
 
 
 def _become(folder: str, command: list[str], told: int) -> NoReturn:
@@ -143,7 +148,7 @@ def _become(folder: str, command: list[str], told: int) -> NoReturn:
         signal.signal(number, signal.SIG_DFL)
     try:
         if _LINUX:
-            _call("prctl", _DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+            _prctl(_DEATH_SIGNAL, signal.SIGKILL)
         if folder != NO_FOLDER:
             program = str(Path(shutil.which(command[0]) or command[0]).resolve())
             _build_wall(str(Path(folder).resolve()), program)
@@ -212,8 +217,8 @@ def main(parent: int, folder: str, command: list[str]) -> int:
     for number in _ENDING:
         signal.signal(number, _leave)
     if _LINUX:
-        _call("prctl", _DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
-        _call("prctl", _REAPER, 1, 0, 0, 0)
+        _prctl(_DEATH_SIGNAL, signal.SIGTERM)
+        _prctl(_REAPER, 1)
     child = _start(folder, command)
     try:
         while os.getppid() == parent:

@@ -13,7 +13,7 @@ from typing import NamedTuple, NoReturn
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.limits import MOST_NAME
 
-TRUST = "Write it plainly; or, if you have read the case and trust it, add --trust."
+TRUST = "Write it plainly; or, if you trust the case, solve it with: ellipsoid flow CASE --trust."
 
 # None of these can match in two ways, so no search goes back over text.
 _SPACE = re.compile(r"[ \t\r\n\v\f]*")

@@ -140,9 +140,10 @@ CONTROL: Rules = {
     "stopAt": choice("endTime"),
     "endTime": real(1e-30, _LONGEST_TIME),
     "deltaT": real(1e-30, _LONGEST_TIME),
-    "writeControl": choice("timeStep", "runTime", "adjustableRunTime", "adjustable"),
-    "writeInterval": real(1e-30, _LONGEST_TIME),
-    "purgeWrite": whole(0, 10**6),
+    # Nothing but the state at rest is written, whatever the case would write on the way.
+    "writeControl": dropped,
+    "writeInterval": dropped,
+    "purgeWrite": dropped,
     "writeFormat": choice("ascii", "binary"),
     "writePrecision": whole(1, 17),
     "writeCompression": choice(
@@ -168,9 +169,10 @@ def control(section: Section, at_rest: float) -> tuple[list[str], float]:
     has_own = isinstance(own, Section) and bool(own.entries)
     rest = {key: value for key, value in section.entries.items() if value is not own or has_own}
     lines = entries(replace(section, entries=rest), CONTROL)
-    lines += ["runTimeModifiable no;"]
+    end = real_of(section, "endTime", 1e-30, _LONGEST_TIME)
+    lines += ["runTimeModifiable no;", "writeControl runTime;", f"writeInterval {figure(end)};"]
     lines += [] if has_own else braces("functions", braces("rest", _end_at(at_rest)))
-    return lines, real_of(section, "endTime", 1e-30, _LONGEST_TIME)
+    return lines, end
 
 
 def _end_at(at_rest: float) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import os
 from contextlib import suppress
@@ -15,11 +14,11 @@ from ellipsoid_coupling.flow.openfoam import (
     Report,
     case_folder,
     is_solved,
+    kept_folders,
     solve_case,
     solved_folder,
 )
 from ellipsoid_coupling.flow.programs import INSTALL, openfoam_available
-from ellipsoid_coupling.kernels import cache_home
 
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
@@ -76,15 +75,14 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     No program of OpenFOAM's is started, not even to ask for its version: every solution of that name
     in the cache is looked at. For what was computed once and must not be computed anew.
     """
-    name = Path(case).name
     shipped = [path for path in SHIPPED.glob("*.npz") if path.stem == case]
     for path in shipped:
         if (field := FlowField.load(path)).digest == digest:
             return field
-    for kept in sorted((cache_home() / "flows").glob(f"{glob.escape(name)}-{cells}-*")):
+    for kept in kept_folders(Path(case).name, cells):
         # One that cannot be read is not the one that is looked for.
         with suppress(InputError):
-            if is_solved(kept) and (field := _field_of(kept, allow_misfit=True)).digest == digest:
+            if (field := _field_of(kept, allow_misfit=True)).digest == digest:
                 return field
     return None
 

@@ -1,7 +1,7 @@
 """Solve an OpenFOAM case: write it, mesh, start from a coarser solution, run to rest, stream function.
 
 A case folder is laid out as ``foam_cases/cavity`` is: ``0.orig`` (or ``0``), ``constant`` and ``system``,
-where ``system/parameters`` holds `cells` and `atRest`. What OpenFOAM gets is not the case's own files but
+where ``system/parameters`` may hold `cells` and `atRest`. OpenFOAM does not get the case's own files but
 what `trust` has written from them.
 
 Seconds to rest, all programs included, on two cores (the best of four; icoFoam alone took 28 s at
@@ -52,6 +52,7 @@ from ellipsoid_coupling.kernels import cache_home
 from ellipsoid_coupling.limits import (
     BYTES_PER_FLUID_CELL,
     MOST_CASE_FILE_BYTES,
+    MOST_CASE_FILES,
     MOST_SCENE_BYTES,
     in_words,
     memory_limit,
@@ -124,13 +125,20 @@ def _set_parameter(folder: Path, name: str, value: int) -> None:
 def inputs_hash(folder: Path, cells: int) -> str:
     """A hash of everything that the solution depends on; the number of processes is not in it."""
     digest = hashlib.sha256(f"{cells} {openfoam_version()}".encode())
+    left = MOST_CASE_FILE_BYTES
     for part in input_folders(folder):
-        for path in sorted((folder / part).rglob("*")):
+        for count, path in enumerate(sorted((folder / part).rglob("*"))):
+            if count > MOST_CASE_FILES:
+                raise InputError(
+                    str(folder / part), f"at most {MOST_CASE_FILES} files", "more",
+                    "Name the case alone, without other data in its folders.",
+                )  # fmt: skip
             if path.is_file() and LEFT_OUT not in path.parts:
-                content = read_bytes(path, "a file of a case", MOST_CASE_FILE_BYTES)
+                content = read_bytes(path, "a file of a case", left)
+                left -= len(content)
                 if path.name == "parameters":
                     content = re.sub(rb"(?m)^(cells|processes)\s+[^;]+;", b"", content)
-                digest.update(str(path.relative_to(folder)).encode() + b"\0" + content)
+                digest.update(os.fsencode(path.relative_to(folder)) + b"\0" + content)
     return digest.hexdigest()[:16]
 
 
@@ -140,9 +148,24 @@ def solved_folder(case: str | Path, cells: int) -> Path:
     A cache that cannot be written serves what it has; the rest lies among this user's temporary files.
     """
     source = case_folder(case)
-    name = re.sub(r"[^\w.+-]", "_", source.name, flags=re.ASCII)[:_LONGEST_NAME]
-    kept = cache_home() / "flows" / f"{name}-{cells}-{inputs_hash(source, cells)}"
-    return kept if is_solved(kept) or _is_writable(kept.parent) else _private_folder() / kept.name
+    name = f"{_plain_name(source.name)}-{cells}-{inputs_hash(source, cells)}"
+    kept = cache_home() / "flows" / name
+    return kept if is_solved(kept) or _is_writable(kept.parent) else _private_folder() / name
+
+
+def kept_folders(name: str, cells: int) -> list[Path]:
+    """All solutions that the cache keeps of cases of that name; no program is started."""
+    places = [cache_home() / "flows"]
+    places += [_private_folder()] if _private_place().exists() else []
+    return [
+        found for place in places
+        for found in sorted(place.glob(f"{_plain_name(name)}-{cells}-*")) if is_solved(found)
+    ]  # fmt: skip
+
+
+def _plain_name(name: str) -> str:
+    """A case's name as part of a folder's, where OpenFOAM shall find it."""
+    return re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:_LONGEST_NAME]
 
 
 def _is_writable(folder: Path) -> bool:
@@ -153,9 +176,13 @@ def _is_writable(folder: Path) -> bool:
     return is_folder(there) and os.access(there, os.W_OK | os.X_OK)
 
 
+def _private_place() -> Path:
+    return Path(tempfile.gettempdir()) / f"ellipsoid_coupling-{os.geteuid()}"
+
+
 def _private_folder() -> Path:
     """A folder among the temporary files that is this user's alone."""
-    folder = Path(tempfile.gettempdir()) / f"ellipsoid_coupling-{os.geteuid()}"
+    folder = _private_place()
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o022:
@@ -332,7 +359,8 @@ def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
     log = run(*command, follow=_follow_residual(at_rest, note, tell), walled=walled)
     if AT_REST not in log.read_text(encoding="utf-8", errors="replace"):
         end = parameter(case, "endTime") if solving.plain is None else f"{solving.plain.end_time:g}"
-        raise failed(f"icoFoam was not at rest at endTime {end}: a longer run is needed", log)
+        why = "a longer run is needed, or smaller tolerances of the solvers"
+        raise failed(f"icoFoam was not at rest at endTime {end}: {why}", log)
     if processes > 1:
         run("reconstructPar", "-latestTime")
         for part in case.glob("processor*"):

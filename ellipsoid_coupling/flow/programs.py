@@ -49,8 +49,9 @@ def openfoam_version() -> str:
     """The version that icoFoam reports, for instance 1912; RunError without OpenFOAM."""
     require_openfoam()
     command = ["icoFoam", "-help"]
+    # Not where a case may lie.
     text = subprocess.run(
-        command, env=foam_environment(), capture_output=True, text=True, check=False
+        command, env=foam_environment(), capture_output=True, text=True, check=False, cwd="/"
     ).stdout
     found = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
     return found[1] if found else "unknown"

@@ -90,7 +90,7 @@ def _claim(place: Path, name: str) -> tuple[Path, Path, int]:
     while True:
         folder = place / f".{name}.{secrets.token_hex(8)}"
         lock = folder.with_name(f"{folder.name}.lock")
-        handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDONLY, 0o600)
+        handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
         with contextlib.suppress(OSError):  # a file system without locks: nobody sweeps there
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(handle).st_nlink:
@@ -105,7 +105,7 @@ def _sweep(place: Path) -> None:
         if not _LOCK.fullmatch(lock.name):
             continue
         try:
-            handle = os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            handle = os.open(lock, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
         except OSError:  # gone, or somebody else's
             continue
         try:

@@ -20,7 +20,15 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.foam_blocks import block_mesh
 from ellipsoid_coupling.flow.foam_dictionary import Number, Section, parse
 from ellipsoid_coupling.flow.foam_files import packed
-from ellipsoid_coupling.flow.foam_rules import braces, entries, figure, one, real_of, whole_of
+from ellipsoid_coupling.flow.foam_rules import (
+    braces,
+    entries,
+    figure,
+    name_of,
+    one,
+    real_of,
+    whole_of,
+)
 from ellipsoid_coupling.flow.foam_scanner import TRUST, Source
 from ellipsoid_coupling.flow.foam_start import KINDS, start_field
 from ellipsoid_coupling.flow.foam_tables import (
@@ -35,7 +43,9 @@ from ellipsoid_coupling.limits import MOST_SCENE_BYTES, MOST_START_BYTES
 # blockMesh makes the mesh anew: this folder is not copied.
 LEFT_OUT = "polyMesh"
 
-_PARAMETERS = "system/parameters"
+PARAMETERS = "system/parameters"
+# Initial residual of U that ends a run whose system/parameters has no atRest.
+AT_REST = 1e-6
 _MOST_CELLS = 10**9
 # Never read by the programs that run here, and often in a case.
 _UNREAD = frozenset((
@@ -51,7 +61,7 @@ class PlainCase:
 
     files : the text of each by its name below the case
     cells : a side, by system/parameters; mesh_cells : all of them
-    scales : whether the mesh follows from `cells`
+    scales : whether mesh and start follow from `cells`
     """
 
     files: Mapping[str, str]
@@ -86,25 +96,19 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
     """
     _require_known(case)
     given = {"processes": processes} | ({} if cells is None else {"cells": cells})
-    parameters = _source(case, _PARAMETERS)
-    numbers = parse(parameters, given=given)
-    number = whole_of(numbers, "cells", 1, _MOST_CELLS)
-    at_rest = real_of(numbers, "atRest", 1e-300, 1.0)
-    known = {name: _number(numbers, name) for name in numbers.entries if name != "FoamFile"}
+    numbers = _numbers(case, given)
 
     def read(name: str) -> Section:
-        return parse(_source(case, name), lambda: known)
+        return parse(_source(case, name), lambda: numbers)
 
     mesh = read("system/blockMeshDict")
     blocks, mesh_cells = block_mesh(mesh)
     scales = "cells" in mesh.used
-    if not scales and cells not in (None, whole_of(parse(parameters), "cells", 1, _MOST_CELLS)):
-        raise InputError(
-            str(mesh.source.path), "blocks of ($cells $cells 1) cells", "other numbers",
-            "Write $cells there, or leave out --cells.",
-        )  # fmt: skip
+    side = numbers["cells"].value if scales else _fixed_side(mesh, cells, case, mesh_cells)
+    at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST
     control_lines, end_time = control(read("system/controlDict"), at_rest)
-    read("system/decomposeParDict")
+    if packed(case / "system" / "decomposeParDict"):  # the package writes its own
+        read("system/decomposeParDict")
     dictionaries = {
         "system/blockMeshDict": blocks,
         "system/controlDict": control_lines,
@@ -114,17 +118,40 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
         "constant/transportProperties": transport(read("constant/transportProperties")),
     }
     files = {name: _text(name, "dictionary", lines) for name, lines in dictionaries.items()}
-    files[_PARAMETERS] = "".join(f"{k} {figure(v.value)};\n" for k, v in known.items())
+    files[PARAMETERS] = "".join(f"{name} {figure(n.value)};\n" for name, n in numbers.items())
     for name, kind in (("U", "volVectorField"), ("p", "volScalarField")):
         lines = start_field(read(f"{start_folder(case)}/{name}"), name)
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
-    return PlainCase(files, number, at_rest, end_time, mesh_cells, scales)
+    scales = scales and not any("nonuniform" in text for text in files.values())
+    return PlainCase(files, int(side), at_rest, end_time, mesh_cells, scales)
 
 
-def _number(numbers: Section, name: str) -> Number:
-    """An entry of system/parameters, which is a number."""
-    return one(numbers, name, Number, f"a number for {name}")
+def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
+    """The entries of system/parameters, all of them numbers; none if there is no such file."""
+    if packed(case / PARAMETERS) is None:
+        return {}
+    section = parse(_source(case, PARAMETERS), given=given)
+    if "cells" in section.entries:
+        whole_of(section, "cells", 1, _MOST_CELLS)
+    if "atRest" in section.entries:
+        real_of(section, "atRest", 1e-300, 1.0)
+    return {
+        name_of(section, name, section.places[name]): one(section, name, Number, f"a number {name}")
+        for name in section.entries if name != "FoamFile"
+    }  # fmt: skip
+
+
+def _fixed_side(mesh: Section, cells: int | None, case: Path, mesh_cells: float) -> int:
+    """Cells a side of a mesh that does not follow from `cells`; InputError if others are asked for."""
+    own = _numbers(case, {}).get("cells")
+    side = round(mesh_cells**0.5) if own is None else int(own.value)
+    if cells not in (None, side):
+        raise InputError(
+            str(mesh.source.path), f"blocks of ($cells $cells 1) cells, to make {cells} a side",
+            "other numbers", f"Write $cells there, or take the {side} that there are.",
+        )  # fmt: skip
+    return side
 
 
 def _strips(processes: int) -> list[str]:

@@ -141,8 +141,36 @@ def test_numbers_of_parameters_are_put_in(case: Path) -> None:
     assert plain.files["system/fvSolution"].count("solver GAMG;") == 2
     edit(case / "system" / "blockMeshDict", "($cells $cells 1)", "(16 16 1)")
     assert plain_case(case, 16, 1).mesh_cells == 256
-    with pytest.raises(InputError, match=r"blockMeshDict: expected blocks of \(\$cells"):
+    with pytest.raises(
+        InputError, match=r"blockMeshDict: expected blocks of \(\$cells .* take the 16"
+    ):
         plain_case(case, 17, 1)
+
+
+def without_parameters(case: Path) -> Path:
+    """As OpenFOAM's own tutorials are: 20 x 20 cells, no function object, a folder 0."""
+    for name in ("parameters", "decomposeParDict"):
+        (case / "system" / name).unlink()
+    mesh, control = case / "system" / "blockMeshDict", case / "system" / "controlDict"
+    for path in (mesh, control):
+        edit(path, '#include "parameters"', "")
+    edit(mesh, "($cells $cells 1)", "(20 20 1)")
+    edit(control, "$endTime", "20")
+    edit(control, "$timeStep", "0.05")
+    control.write_text(control.read_text("utf-8").partition("functions")[0], "utf-8")
+    (case / "0.orig").rename(case / "0")
+    return case
+
+
+def test_a_case_without_parameters_keeps_its_mesh(case: Path) -> None:
+    plain = plain_case(without_parameters(case), None, 1)
+    assert (plain.cells, plain.mesh_cells, plain.scales) == (20, 400, False)
+    assert "value 1e-06;" in plain.files["system/controlDict"]
+    assert plain_case(case, 20, 1) == plain
+    with pytest.raises(InputError, match="take the 20 that there are"):
+        plain_case(case, 40, 1)
+    edit(case / "system" / "blockMeshDict", "(20 20 1)", "($cells 20 1)")
+    refused(case, "blockMeshDict, line 27: .* no number cells stands before")
 
 
 VARIANTS = {
@@ -195,7 +223,7 @@ REFUSED = {
     "a number": ("system/fvSolution", "1e-10", "-1", "a number tolerance from 0 to 1"),
     "no such number": ("system/blockMeshDict", "$cells", "$cell", "no number cell stands before"),
     "a vertex": ("system/blockMeshDict", "(3 7 6 2)", "(3 7 6 8)", "4 whole numbers below 8"),
-    "cells": ("system/parameters", "cells 16;", "cells 0.5;", "a number cells from 1"),
+    "cells": ("system/parameters", "cells 16;", "cells 0.5;", "a whole number cells|a number cells"),
     "no cells": ("system/parameters", "cells 16;", "", "no number cells stands before"),
     "at rest": ("system/parameters", "1e-9", "nan", "a number"),
 }  # fmt: skip
@@ -305,11 +333,26 @@ def test_the_command_refuses_and_trust_lets_it_pass(
 @pytest.mark.openfoam
 @needs_openfoam
 @pytest.mark.usefixtures("own_cache")
-def test_a_strangers_plain_case_is_solved(case: Path) -> None:
+def test_a_tutorials_case_is_solved(case: Path) -> None:
+    """At rest is 1e-6 in U's initial residual, which leaves less than 1e-5 of the lid's speed."""
+    solved = solve_case(without_parameters(case))
+    # Nothing is written on the way.
+    assert len([path for path in solved.iterdir() if path.name[0].isdigit()]) == 3
+    expected = read_case(solve_case("cavity", 20)).evaluate(*points(200))
+    found = read_case(solved).evaluate(*points(200))
+    np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=1e-5)
+    np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=1e-5)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_strangers_plain_case_is_solved(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """0 instead of 0.orig, U in binary from another run, no function object: the cavity's own flow.
 
-    Another start leaves the rest as it is, to what the stop leaves (1.5e-9) and single precision (1e-6).
+    Its U fits one mesh only, so no coarser solution is mapped. Another start leaves the rest as it is, to what the stop leaves (1.5e-9) and single precision (1e-6).
     """
+    monkeypatch.setattr(openfoam, "MAPPED_FROM", 16)
     expected = read_case(solve_case("cavity", 16)).evaluate(*points(200))
     (case / "0.orig").rename(case / "0")
     start = case / "0" / "U"

@@ -5,18 +5,22 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 from cyclopts import App, CycloptsError, Parameter, Token
 
+from ellipsoid_coupling.cache import CacheWarning
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.inputs import exists
 from ellipsoid_coupling.limits import LONGEST_RUN
-from ellipsoid_coupling.output.tables import print_table
-from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.output.tables import PipedConsole, print_table
+from ellipsoid_coupling.progress import ProgressReporter, Waiting
+from ellipsoid_coupling.threading_layer import check_environment
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.run_folder import RunFolder
@@ -26,6 +30,7 @@ app = App(
     name="ellipsoid",
     help="Ellipsoidal particles in an OpenFOAM flow: from particles to mean-field equations.",
     version_flags=["--version"],
+    console=PipedConsole(),
 )
 
 Settings = Annotated[
@@ -70,15 +75,19 @@ class Output:
         if self.out is not None:
             require_free(self.out, force=self.force)
 
-    def folder(self, name: str) -> Path:
-        """`out`, or results/`name` with the first free number behind it."""
+    @contextmanager
+    def folder(self, name: str) -> Iterator[Path]:
+        """`out`, or a new results/`name` with the first free number behind it.
+
+        The latter is removed at the end if nothing was written into it.
+        """
+        from ellipsoid_coupling.run_folder import numbered_folder
+
         if self.out is not None:
-            return self.out
-        folder, count = Path("results") / name, 1
-        while folder.exists():
-            count += 1
-            folder = Path("results") / f"{name}-{count}"
-        return folder
+            yield self.out
+        else:
+            with numbered_folder(Path("results") / name) as folder:
+                yield folder
 
 
 @Parameter(name="*")
@@ -115,12 +124,12 @@ class Keeping(Output):
         if not self.longest > 0.0:
             raise InputError("--longest", "seconds above 0", f"{self.longest:g}", "Change it.")
 
-    def place(self, name: str) -> RunFolder:
-        """The run folder, which the run itself looks at and claims."""
+    def place(self, folder: Path) -> RunFolder:
+        """The run folder, which the run itself looks at, makes and claims."""
         from ellipsoid_coupling.run_folder import RunFolder
 
         limits = self.checkpoint_seconds, self.stop_after, self.longest
-        return RunFolder(self.folder(name), self.resume, self.force, *limits)
+        return RunFolder(folder, self.resume, self.force, *limits)
 
 
 _OUTPUT, _KEEPING = Output(), Keeping()
@@ -162,7 +171,7 @@ def flow(
     from ellipsoid_coupling.flow.openfoam import solve_case
 
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("flow") as report:
         folder = solve_case(
             case, cells=cells, processes=processes, out=output.out, report=report, trust=trust
         )
@@ -241,8 +250,10 @@ def run(
     keeping.check()
     kind = scheme_named(scheme or before.scheme)
     given = flow or repeated_flow(scene, chosen)
-    folder = keeping.place(f"{chosen.name}-{name}-{kind}")
-    with ProgressReporter() as report:
+    with (
+        keeping.folder(f"{chosen.name}-{name}-{kind}") as folder,
+        ProgressReporter("run") as report,
+    ):
         result = simulate(
             chosen,
             name,
@@ -250,7 +261,7 @@ def run(
             flow=given,
             seed=seed if seed is not None else before.seed,
             realisations=realisations if realisations is not None else before.realisations,
-            folder=folder,
+            folder=keeping.place(folder),
             report=report,
         )
     shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
@@ -260,7 +271,7 @@ def run(
     timed = [k for k in ("wall_seconds", "compile_seconds") if k in result.attributes]
     rows += [(k, f"{result.attributes[k]:.2f}") for k in timed]
     print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
-    _print(str(folder.path))
+    _print(str(folder))
 
 
 @app.command
@@ -295,7 +306,7 @@ def compare(
     if not 0.0 < longest < math.inf:
         raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("compare") as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
             field = scene_flow(scene, flow or repeated_flow(what[0], scene), report)
@@ -307,8 +318,8 @@ def compare(
             results, flows = load_runs(what)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
-    folder = output.folder(f"compare-{scene.name}")
-    report_frontiers([frontier], folder)
+    with output.folder(f"compare-{scene.name}") as folder:
+        report_frontiers([frontier], folder)
     _print(str(folder))
 
 
@@ -332,10 +343,10 @@ def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
 
     cases = chosen_cases(quick=quick)
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("stability") as report:
         fields = map_stability(cases, report=report)
-    folder = output.folder("stability")
-    report_stability(fields, cases, folder)
+    with output.folder("stability") as folder:
+        report_stability(fields, cases, folder)
     print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(fields))
     _print(str(folder))
 
@@ -376,33 +387,82 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
 
     output.check()
     results, flows = load_runs(runs)
-    folder = output.folder("figures")
-    folder.mkdir(parents=True, exist_ok=True)
-    draw_all(results, folder, flows)
+    with output.folder("figures") as folder, ProgressReporter("figures"):
+        folder.mkdir(parents=True, exist_ok=True)
+        draw_all(results, folder, flows)
     _print(str(folder))
 
 
-def _leave_quietly() -> NoReturn:
-    """The reader of our output (head, less) has gone: nothing is left to say."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    sys.exit(1)
+def _open_streams() -> None:
+    """Give the standard streams that the caller has closed a place to go, before a file takes it.
+
+    The first file opened would get the number of a closed stream, and with it what is printed.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
+
+
+def _tell(text: str) -> None:
+    """Write to standard error; one that nobody reads is no reason for another status."""
+    with suppress(OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _drop(stream: TextIO) -> None:
+    """What a stream still holds goes nowhere: else Python complains about it at its end."""
+    with suppress(OSError, ValueError):  # ValueError: a stand-in without a file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+_python_shows: Callable[..., None] = warnings.showwarning
+
+
+def _in_one_line(
+    message: Warning | str, category: type[Warning], *place: object, **details: object
+) -> None:
+    if issubclass(category, CacheWarning):
+        _tell(f"ellipsoid: {message}\n")
+    else:
+        _python_shows(message, category, *place, **details)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit status 0, 1 (failed run) or 2 (bad input)."""
+    _open_streams()
+    with warnings.catch_warnings(), Waiting():
+        warnings.showwarning = _in_one_line
+        status = _status_of(tokens)
+    if status:
+        sys.exit(status)
+
+
+def _status_of(tokens: Sequence[str] | None) -> int:
+    """Run a command; its exit status, and in words what went wrong."""
     try:
+        check_environment()
         app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except EllipsoidError as error:
-        sys.stderr.write(f"ellipsoid: {error}\n")
-        sys.exit(error.exit_status)
+        _tell(f"ellipsoid: {error}\n")
+        return error.exit_status
     except CycloptsError as error:
-        sys.stderr.write(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
-        sys.exit(InputError.exit_status)
+        _tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
+        return InputError.exit_status
+    except BrokenPipeError:
+        # The reader of our output (head, less) has what it wanted; so the command has succeeded.
+        _drop(sys.stdout)
     except (MemoryError, OSError) as error:
-        if isinstance(error, BrokenPipeError):
-            _leave_quietly()
-        sys.stderr.write(f"ellipsoid: {refusal(error)}\n")
-        sys.exit(1)
+        _tell(f"ellipsoid: {refusal(error)}\n")
+        _drop(sys.stdout)
+        return 1
     except KeyboardInterrupt:
-        sys.stderr.write("ellipsoid: interrupted\n")
-        sys.exit(130)
+        _tell("ellipsoid: interrupted\n")
+        return 130
+    return 0

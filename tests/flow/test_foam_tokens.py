@@ -38,7 +38,10 @@ def test_what_never_ends_is_odd_and_the_last(odd: bytes) -> None:
     """An unclosed comment was swallowed by Python 3.11.2, and what it hid with it."""
     kinds = [token.kind for token in tokens(b"a " + odd + b" b")]
     assert kinds == ["word", "odd"]
-    assert without_comments(b"a " + odd + b" // b") in (b"a " + odd + b" // b", b"a " + odd + b"     ")
+    assert without_comments(b"a " + odd + b" // b") in (
+        b"a " + odd + b" // b",
+        b"a " + odd + b"     ",
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,7 +62,7 @@ def test_comments_leave_blanks_in_their_place() -> None:
     assert len(plain) == len(TEXT)
     assert plain.count(b"\n") == TEXT.count(b"\n")
     assert [t[:2] for t in tokens(plain)] == [t[:2] for t in tokens(TEXT)]
-    assert b"comment \"" not in plain
+    assert b'comment "' not in plain
     assert line_of(TEXT, TEXT.index(b"code")) == 3
 
 

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, CycloptsError, Parameter, Token
+from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.cache import CacheWarning
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.inputs import exists
-from ellipsoid_coupling.limits import LONGEST_RUN
+from ellipsoid_coupling.options import Keeping, Names, OptionalWhole, Output, Settings, Whole
 from ellipsoid_coupling.output.tables import PipedConsole, print_table
 from ellipsoid_coupling.progress import ProgressReporter, Waiting
+from ellipsoid_coupling.streams import drop, open_streams, tell, warn_in_one_line
 from ellipsoid_coupling.threading_layer import check_environment
 
 if TYPE_CHECKING:
-    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene
 
 app = App(
@@ -33,103 +29,10 @@ app = App(
     console=PipedConsole(),
 )
 
-Settings = Annotated[
-    list[str] | None,
-    Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
-]
-Names = Annotated[list[str], Parameter(negative="")]
-
-
-def _whole(_kind: object, tokens: Sequence[Token]) -> int:
-    """A whole number as it stands; cyclopts' own reading of 1.5 is 2."""
-    text = tokens[0].value
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"expected a whole number, found {text!r}") from None
-
-
-Whole = Annotated[int, Parameter(converter=_whole)]
-OptionalWhole = Annotated[int | None, Parameter(converter=_whole)]
-
 
 def _print(*lines: str) -> None:
     for line in lines:
         sys.stdout.write(shown(line) + "\n")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Output:
-    """The folder that a command leaves its results in."""
-
-    out: Annotated[Path | None, Parameter(help="Folder of the results.")] = None
-    force: Annotated[
-        bool, Parameter(negative="", help="Write into --out even if it holds something already.")
-    ] = False
-
-    def check(self) -> None:
-        """Refuse, before anything is computed, a folder that holds something."""
-        from ellipsoid_coupling.run_folder import require_free
-
-        if self.out is not None:
-            require_free(self.out, force=self.force)
-
-    @contextmanager
-    def folder(self, name: str) -> Iterator[Path]:
-        """`out`, or a new results/`name` with the first free number behind it.
-
-        The latter is removed at the end if nothing was written into it.
-        """
-        from ellipsoid_coupling.run_folder import numbered_folder
-
-        if self.out is not None:
-            yield self.out
-        else:
-            with numbered_folder(Path("results") / name) as folder:
-                yield folder
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Keeping(Output):
-    """How a run keeps what it has computed."""
-
-    resume: Annotated[
-        bool, Parameter(negative="", help="Continue the interrupted run in --out, bit for bit.")
-    ] = False
-    checkpoint_seconds: Annotated[
-        float, Parameter(help="Seconds between checkpoints: what a kill loses at most.")
-    ] = 15.0
-    stop_after: Annotated[
-        float | None,
-        Parameter(help="Write a checkpoint and stop (status 1) after so many seconds."),
-    ] = None
-    longest: Annotated[
-        float,
-        Parameter(help="Stop likewise if the run would take more seconds in all at its pace."),
-    ] = LONGEST_RUN
-
-    def check(self) -> None:
-        """Refuse numbers and folders that cannot be meant."""
-        if self.resume and self.out is None:
-            raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
-        if not 0.0 <= self.checkpoint_seconds < math.inf:
-            found = f"{self.checkpoint_seconds:g}"
-            raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
-        if self.stop_after is not None and not 0.0 < self.stop_after < math.inf:
-            found = f"{self.stop_after:g}"
-            raise InputError("--stop-after", "seconds above 0", found, "Change it.")
-
-        if not self.longest > 0.0:
-            raise InputError("--longest", "seconds above 0", f"{self.longest:g}", "Change it.")
-
-    def place(self, folder: Path) -> RunFolder:
-        """The run folder, which the run itself looks at, makes and claims."""
-        from ellipsoid_coupling.run_folder import RunFolder
-
-        limits = self.checkpoint_seconds, self.stop_after, self.longest
-        return RunFolder(folder, self.resume, self.force, *limits)
 
 
 _OUTPUT, _KEEPING = Output(), Keeping()
@@ -250,10 +153,8 @@ def run(
     keeping.check()
     kind = scheme_named(scheme or before.scheme)
     given = flow or repeated_flow(scene, chosen)
-    with (
-        keeping.folder(f"{chosen.name}-{name}-{kind}") as folder,
-        ProgressReporter("run") as report,
-    ):
+    folder = keeping.place(f"{chosen.name}-{name}-{kind}")
+    with ProgressReporter("run") as report:
         result = simulate(
             chosen,
             name,
@@ -261,17 +162,21 @@ def run(
             flow=given,
             seed=seed if seed is not None else before.seed,
             realisations=realisations if realisations is not None else before.realisations,
-            folder=keeping.place(folder),
+            folder=folder,
             report=report,
         )
-    shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
-    shown += ["mass_start", "mass_end", "particles_outside_flow"]
-    known = [key for key in shown if key in result.attributes]
-    rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
-    timed = [k for k in ("wall_seconds", "compile_seconds") if k in result.attributes]
-    rows += [(k, f"{result.attributes[k]:.2f}") for k in timed]
-    print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
-    _print(str(folder))
+    _print_summary(f"{chosen.name}: {name}, {kind}", result.attributes)
+    _print(str(folder.path))
+
+
+def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
+    """What a run has told about itself, as a table."""
+    names = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    names += ["mass_start", "mass_end", "particles_outside_flow"]
+    rows = [(k, f"{attributes[k]}".removesuffix(".0")) for k in names if k in attributes]
+    timed = [k for k in ("wall_seconds", "compile_seconds") if k in attributes]
+    rows += [(k, f"{attributes[k]:.2f}") for k in timed]
+    print_table(title, ("", ""), rows)
 
 
 @app.command
@@ -393,51 +298,11 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
     _print(str(folder))
 
 
-def _open_streams() -> None:
-    """Give the standard streams that the caller has closed a place to go, before a file takes it.
-
-    The first file opened would get the number of a closed stream, and with it what is printed.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
-    for name, number in (("stdout", 1), ("stderr", 2)):
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
-
-
-def _tell(text: str) -> None:
-    """Write to standard error; one that nobody reads is no reason for another status."""
-    with suppress(OSError):
-        sys.stderr.write(text)
-        sys.stderr.flush()
-
-
-def _drop(stream: TextIO) -> None:
-    """What a stream still holds goes nowhere: else Python complains about it at its end."""
-    with suppress(OSError, ValueError):  # ValueError: a stand-in without a file
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-_python_shows: Callable[..., None] = warnings.showwarning
-
-
-def _in_one_line(
-    message: Warning | str, category: type[Warning], *place: object, **details: object
-) -> None:
-    if issubclass(category, CacheWarning):
-        _tell(f"ellipsoid: {message}\n")
-    else:
-        _python_shows(message, category, *place, **details)
-
-
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit status 0, 1 (failed run) or 2 (bad input)."""
-    _open_streams()
+    open_streams()
     with warnings.catch_warnings(), Waiting():
-        warnings.showwarning = _in_one_line
+        warnings.showwarning = warn_in_one_line
         status = _status_of(tokens)
     if status:
         sys.exit(status)
@@ -450,19 +315,19 @@ def _status_of(tokens: Sequence[str] | None) -> int:
         app(tokens, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except EllipsoidError as error:
-        _tell(f"ellipsoid: {error}\n")
+        tell(f"ellipsoid: {error}\n")
         return error.exit_status
     except CycloptsError as error:
-        _tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
+        tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
         return InputError.exit_status
     except BrokenPipeError:
         # The reader of our output (head, less) has what it wanted; so the command has succeeded.
-        _drop(sys.stdout)
+        drop(sys.stdout)
     except (MemoryError, OSError) as error:
-        _tell(f"ellipsoid: {refusal(error)}\n")
-        _drop(sys.stdout)
+        tell(f"ellipsoid: {refusal(error)}\n")
+        drop(sys.stdout)
         return 1
     except KeyboardInterrupt:
-        _tell("ellipsoid: interrupted\n")
+        tell("ellipsoid: interrupted\n")
         return 130
     return 0

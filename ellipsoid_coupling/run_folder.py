@@ -49,13 +49,14 @@ _MOST_META = 200  # characters; json reads what is nested by recursion
 _IN_WORDS = "flow"
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunFolder:
     """Where a run keeps its files, and how.
 
     Attributes
     ----------
     path : Path
+        Becomes the folder's own, with its number, when a `numbered` one is claimed.
     resume : bool
         Go on from the checkpoint, bit for bit as if never stopped; from the start if there is none.
     force : bool
@@ -66,6 +67,8 @@ class RunFolder:
         Seconds after which the run writes a checkpoint and stops (Interrupted), to be resumed.
     longest : float
         Seconds that the run may take in all, to judge by its present pace; it stops likewise.
+    numbered : bool
+        A new folder: `path` with the first free number behind it, found and taken when it is claimed.
     """
 
     path: Path
@@ -74,6 +77,7 @@ class RunFolder:
     checkpoint_seconds: float = 15.0
     stop_after: float | None = None
     longest: float = LONGEST_RUN
+    numbered: bool = False
     # What the system knows the folder by, while it is claimed.
     _claimed: list[os.stat_result] = field(
         default_factory=list, init=False, repr=False, compare=False
@@ -88,6 +92,9 @@ class RunFolder:
             If the path is a file, cannot be written, holds something already, or is to be resumed and
             holds no run.
         """
+        if self.numbered and not self._claimed:
+            output_folder(self.path.parent)
+            return
         require_free(self.path, force=self.force or self.resume)
         if not self.path.is_dir():
             return
@@ -133,7 +140,10 @@ class RunFolder:
             As `check`; or if another process works in the folder, or it holds another run.
         """
         self.check()
-        make_folder(self.path)
+        if self.numbered:
+            self.path = _new_folder(self.path)
+        else:
+            _make_folder(self.path)
         handle = os.open(self.path, os.O_RDONLY)
         try:
             _lock(handle, self.path)
@@ -169,8 +179,8 @@ class RunFolder:
             raise cannot_write(self.path, error) from error
         if ours is not None and not os.path.samestat(ours, there):
             raise WriteError(
-                f"{self.path} is no longer the folder that this run has claimed: it was removed or "
-                "moved, and made anew. Nothing is written there. Run again with another --out."
+                f"{self.path} could not be written: it is no longer the folder that this run has "
+                "claimed, which was removed or moved. Run again with another --out."
             )
 
     def _begin(self, table: Mapping[str, Any]) -> None:
@@ -270,7 +280,7 @@ class Keeper:
         self._next = now + max(self._interval, pause)
 
 
-def make_folder(path: Path) -> None:
+def _make_folder(path: Path) -> None:
     """Make a folder with those above it, where it is missing; WriteError where that cannot be."""
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -290,16 +300,22 @@ def numbered_folder(path: Path) -> Iterator[Path]:
     WriteError
         If none can be made there.
     """
-    make_folder(path.parent)
-    folder, count = path, 1
-    while not _made(folder):
-        count += 1
-        folder = path.with_name(f"{path.name}-{count}")
+    folder = _new_folder(path)
     try:
         yield folder
     finally:
         with suppress(OSError):  # it holds something, or has gone
             folder.rmdir()
+
+
+def _new_folder(path: Path) -> Path:
+    """`path`, or with the first free number behind it, made."""
+    _make_folder(path.parent)
+    folder, count = path, 1
+    while not _made(folder):
+        count += 1
+        folder = path.with_name(f"{path.name}-{count}")
+    return folder
 
 
 def _made(folder: Path) -> bool:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -91,7 +92,9 @@ def taking_turns() -> Iterator[None]:
 
 def _pause() -> Any:
     """OpenMP's function that ends a team, of the very library that numba uses; None without one."""
-    if not layer.cache_info().currsize or layer() != "omp":
+    # Nothing is imported for a fork: a program without numba's loops has no team.
+    parallel: Any = sys.modules.get("numba.np.ufunc.parallel")
+    if parallel is None or parallel._threading_layer != "omp":
         return None
     from numba.np.ufunc import omppool
 

@@ -44,6 +44,8 @@ ORDER = [
     "compare",
     "output",
     "progress",
+    "streams",
+    "options",
     "cli",
 ]
 ONLY_IN = {

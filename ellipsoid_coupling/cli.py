@@ -3,124 +3,36 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, CycloptsError, Parameter, Token
+from cyclopts import App, CycloptsError, Parameter
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.inputs import exists
-from ellipsoid_coupling.limits import LONGEST_RUN
-from ellipsoid_coupling.output.tables import print_table
-from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.options import Keeping, Names, OptionalWhole, Output, Settings, Whole
+from ellipsoid_coupling.output.tables import PipedConsole, print_table
+from ellipsoid_coupling.progress import ProgressReporter, Waiting
+from ellipsoid_coupling.streams import drop, open_streams, tell, warn_in_one_line
+from ellipsoid_coupling.threading_layer import check_environment
 
 if TYPE_CHECKING:
-    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene
 
 app = App(
     name="ellipsoid",
     help="Ellipsoidal particles in an OpenFOAM flow: from particles to mean-field equations.",
     version_flags=["--version"],
+    console=PipedConsole(),
 )
-
-Settings = Annotated[
-    list[str] | None,
-    Parameter(name="--set", consume_multiple=True, negative="", help="Scene values: key=value ..."),
-]
-Names = Annotated[list[str], Parameter(negative="")]
-
-
-def _whole(_kind: object, tokens: Sequence[Token]) -> int:
-    """A whole number as it stands; cyclopts' own reading of 1.5 is 2."""
-    text = tokens[0].value
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"expected a whole number, found {text!r}") from None
-
-
-Whole = Annotated[int, Parameter(converter=_whole)]
-OptionalWhole = Annotated[int | None, Parameter(converter=_whole)]
 
 
 def _print(*lines: str) -> None:
     for line in lines:
         sys.stdout.write(shown(line) + "\n")
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Output:
-    """The folder that a command leaves its results in."""
-
-    out: Annotated[Path | None, Parameter(help="Folder of the results.")] = None
-    force: Annotated[
-        bool, Parameter(negative="", help="Write into --out even if it holds something already.")
-    ] = False
-
-    def check(self) -> None:
-        """Refuse, before anything is computed, a folder that holds something."""
-        from ellipsoid_coupling.run_folder import require_free
-
-        if self.out is not None:
-            require_free(self.out, force=self.force)
-
-    def folder(self, name: str) -> Path:
-        """`out`, or results/`name` with the first free number behind it."""
-        if self.out is not None:
-            return self.out
-        folder, count = Path("results") / name, 1
-        while folder.exists():
-            count += 1
-            folder = Path("results") / f"{name}-{count}"
-        return folder
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Keeping(Output):
-    """How a run keeps what it has computed."""
-
-    resume: Annotated[
-        bool, Parameter(negative="", help="Continue the interrupted run in --out, bit for bit.")
-    ] = False
-    checkpoint_seconds: Annotated[
-        float, Parameter(help="Seconds between checkpoints: what a kill loses at most.")
-    ] = 15.0
-    stop_after: Annotated[
-        float | None,
-        Parameter(help="Write a checkpoint and stop (status 1) after so many seconds."),
-    ] = None
-    longest: Annotated[
-        float,
-        Parameter(help="Stop likewise if the run would take more seconds in all at its pace."),
-    ] = LONGEST_RUN
-
-    def check(self) -> None:
-        """Refuse numbers and folders that cannot be meant."""
-        if self.resume and self.out is None:
-            raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
-        if not 0.0 <= self.checkpoint_seconds < math.inf:
-            found = f"{self.checkpoint_seconds:g}"
-            raise InputError("--checkpoint-seconds", "seconds, 0 or more", found, "Change it.")
-        if self.stop_after is not None and not 0.0 < self.stop_after < math.inf:
-            found = f"{self.stop_after:g}"
-            raise InputError("--stop-after", "seconds above 0", found, "Change it.")
-
-        if not self.longest > 0.0:
-            raise InputError("--longest", "seconds above 0", f"{self.longest:g}", "Change it.")
-
-    def place(self, name: str) -> RunFolder:
-        """The run folder, which the run itself looks at and claims."""
-        from ellipsoid_coupling.run_folder import RunFolder
-
-        limits = self.checkpoint_seconds, self.stop_after, self.longest
-        return RunFolder(self.folder(name), self.resume, self.force, *limits)
 
 
 _OUTPUT, _KEEPING = Output(), Keeping()
@@ -162,7 +74,7 @@ def flow(
     from ellipsoid_coupling.flow.openfoam import solve_case
 
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("flow") as report:
         folder = solve_case(
             case, cells=cells, processes=processes, out=output.out, report=report, trust=trust
         )
@@ -242,7 +154,7 @@ def run(
     kind = scheme_named(scheme or before.scheme)
     given = flow or repeated_flow(scene, chosen)
     folder = keeping.place(f"{chosen.name}-{name}-{kind}")
-    with ProgressReporter() as report:
+    with ProgressReporter("run") as report:
         result = simulate(
             chosen,
             name,
@@ -253,14 +165,18 @@ def run(
             folder=folder,
             report=report,
         )
-    shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
-    shown += ["mass_start", "mass_end", "particles_outside_flow"]
-    known = [key for key in shown if key in result.attributes]
-    rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]
-    timed = [k for k in ("wall_seconds", "compile_seconds") if k in result.attributes]
-    rows += [(k, f"{result.attributes[k]:.2f}") for k in timed]
-    print_table(f"{chosen.name}: {name}, {kind}", ("", ""), rows)
+    _print_summary(f"{chosen.name}: {name}, {kind}", result.attributes)
     _print(str(folder.path))
+
+
+def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
+    """What a run has told about itself, as a table."""
+    names = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    names += ["mass_start", "mass_end", "particles_outside_flow"]
+    rows = [(k, f"{attributes[k]}".removesuffix(".0")) for k in names if k in attributes]
+    timed = [k for k in ("wall_seconds", "compile_seconds") if k in attributes]
+    rows += [(k, f"{attributes[k]:.2f}") for k in timed]
+    print_table(title, ("", ""), rows)
 
 
 @app.command
@@ -295,7 +211,7 @@ def compare(
     if not 0.0 < longest < math.inf:
         raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("compare") as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
             field = scene_flow(scene, flow or repeated_flow(what[0], scene), report)
@@ -307,8 +223,8 @@ def compare(
             results, flows = load_runs(what)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
-    folder = output.folder(f"compare-{scene.name}")
-    report_frontiers([frontier], folder)
+    with output.folder(f"compare-{scene.name}") as folder:
+        report_frontiers([frontier], folder)
     _print(str(folder))
 
 
@@ -332,10 +248,10 @@ def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
 
     cases = chosen_cases(quick=quick)
     output.check()
-    with ProgressReporter() as report:
+    with ProgressReporter("stability") as report:
         fields = map_stability(cases, report=report)
-    folder = output.folder("stability")
-    report_stability(fields, cases, folder)
+    with output.folder("stability") as folder:
+        report_stability(fields, cases, folder)
     print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(fields))
     _print(str(folder))
 
@@ -376,33 +292,42 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
 
     output.check()
     results, flows = load_runs(runs)
-    folder = output.folder("figures")
-    folder.mkdir(parents=True, exist_ok=True)
-    draw_all(results, folder, flows)
+    with output.folder("figures") as folder, ProgressReporter("figures"):
+        folder.mkdir(parents=True, exist_ok=True)
+        draw_all(results, folder, flows)
     _print(str(folder))
-
-
-def _leave_quietly() -> NoReturn:
-    """The reader of our output (head, less) has gone: nothing is left to say."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    sys.exit(1)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line; exit status 0, 1 (failed run) or 2 (bad input)."""
+    open_streams()
+    with warnings.catch_warnings(), Waiting():
+        warnings.showwarning = warn_in_one_line
+        status = _status_of(tokens)
+    if status:
+        sys.exit(status)
+
+
+def _status_of(tokens: Sequence[str] | None) -> int:
+    """Run a command; its exit status, and in words what went wrong."""
     try:
+        check_environment()
         app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except EllipsoidError as error:
-        sys.stderr.write(f"ellipsoid: {error}\n")
-        sys.exit(error.exit_status)
+        tell(f"ellipsoid: {error}\n")
+        return error.exit_status
     except CycloptsError as error:
-        sys.stderr.write(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
-        sys.exit(InputError.exit_status)
+        tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
+        return InputError.exit_status
+    except BrokenPipeError:
+        # The reader of our output (head, less) has what it wanted; so the command has succeeded.
+        drop(sys.stdout)
     except (MemoryError, OSError) as error:
-        if isinstance(error, BrokenPipeError):
-            _leave_quietly()
-        sys.stderr.write(f"ellipsoid: {refusal(error)}\n")
-        sys.exit(1)
+        tell(f"ellipsoid: {refusal(error)}\n")
+        drop(sys.stdout)
+        return 1
     except KeyboardInterrupt:
-        sys.stderr.write("ellipsoid: interrupted\n")
-        sys.exit(130)
+        tell("ellipsoid: interrupted\n")
+        return 130
+    return 0

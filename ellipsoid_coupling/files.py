@@ -27,10 +27,11 @@ def halves(folder: Path, names: Iterable[str]) -> list[Path]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, *, new_folder: bool = True) -> Iterator[Path]:
     """A name beside `path`, of the same suffix, to write to; flushed and renamed on leaving.
 
-    The folder is made where it is missing. After an error nothing is left and an older file stays.
+    The folder is made where it is missing, unless `new_folder` is False: what was claimed and then
+    removed must not come back unclaimed. After an error nothing is left and an older file stays.
 
     Raises
     ------
@@ -39,7 +40,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if new_folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
         yield beside
         flush(beside)
         beside.replace(path)
@@ -73,9 +75,11 @@ def _remove(path: Path) -> None:
         return
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_arrays(
+    path: Path, arrays: Mapping[str, NDArray[Any]], *, new_folder: bool = True
+) -> None:
     """Write named arrays of numbers as an .npz, stored as they are; whole or not there."""
-    with whole_file(path) as beside, beside.open("wb") as file:
+    with whole_file(path, new_folder=new_folder) as beside, beside.open("wb") as file:
         np.savez(
             file, allow_pickle=False, **{k: np.asarray(a, order="C") for k, a in arrays.items()}
         )

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_CAUGHT = (signal.SIGTERM, signal.SIGINT)
+# SIGHUP is what a lost connection sends; nohup ignores it, and so do we then.
+_CAUGHT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class Interruption:
@@ -26,7 +27,7 @@ class Interruption:
 
 @contextmanager
 def noticed() -> Iterator[Interruption]:
-    """Inside, SIGTERM and SIGINT are noted instead of obeyed.
+    """Inside, SIGTERM, SIGINT and SIGHUP are noted instead of obeyed.
 
     Only the main thread of a program may do so; elsewhere nothing changes and none is ever noted.
     """

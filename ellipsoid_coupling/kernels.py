@@ -17,7 +17,28 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
 import numba
-from numba.core import compiler, event
+from numba.core import compiler, compiler_lock, event
+
+from ellipsoid_coupling.cache import cache_home, kernel_folder
+from ellipsoid_coupling.compiling import announce
+from ellipsoid_coupling.threading_layer import layer
+
+__all__ = [
+    "KERNEL_OPTIONS",
+    "CompileTimer",
+    "apart_kernel",
+    "cache_home",
+    "few_by_few",
+    "for_each",
+    "inline_kernel",
+    "kernel",
+    "one_by_one",
+    "parallel_kernel",
+    "plain",
+    "shares",
+    "threads_for",
+    "view_kernel",
+]
 
 # Numba ships half of its types: this class has none.
 _compiler: Any = compiler.Compiler
@@ -32,19 +53,6 @@ KERNEL_OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": False,
 }
-
-
-def cache_home() -> Path:
-    """The folder for everything that can be made again: compiled kernels and solved flows.
-
-    ``ELLIPSOID_CACHE`` where set, else ``XDG_CACHE_HOME``/ellipsoid_coupling, else the same below
-    ``~/.cache``.
-    """
-    named = os.environ.get("ELLIPSOID_CACHE")
-    if named:
-        return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "ellipsoid_coupling"
 
 
 def _source_hash() -> str:
@@ -62,7 +70,10 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "2000")
 
 _config: Any = numba.config
-_config.CACHE_DIR = str(cache_home() / "kernels" / _source_hash())
+# Always a folder that can be written: else numba would write beside the sources, or fail.
+_config.CACHE_DIR = str(kernel_folder(_source_hash()))
+if "NUMBA_THREADING_LAYER" in os.environ:
+    layer()  # told now if it is missing, not after a minute of compiling
 
 
 def kernel(function: Function) -> Function:
@@ -167,6 +178,16 @@ def _threads(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count, thread_name_prefix="ellipsoid")
 
 
+# What a forked process must not find as it was: threads that it does not have, and a compiler that
+# another thread was in the middle of.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_threads.cache_clear)
+    _lock: Any = compiler_lock.global_compiler_lock
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
+
+
 def for_each(count: int, task: Callable[[int], None]) -> None:
     """Run ``task(0) .. task(count - 1)`` on numba's number of threads; tasks must be independent.
 
@@ -193,7 +214,26 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
         job.result()
 
 
+def _announce_start(happening: Any) -> None:
+    announce(str(happening.data["dispatcher"].py_func.__name__))
+
+
+def _announce_end(_happening: Any) -> None:
+    announce(None)
+
+
 # Numba ships half of its types: this class has none.
+_Listener: Any = event.Listener
+_Announcer = type(
+    "_Announcer",
+    (_Listener,),
+    {
+        "on_start": lambda _self, happening: _announce_start(happening),
+        "on_end": lambda _self, happening: _announce_end(happening),
+    },
+)
+event.register("numba:compile", _Announcer())
+
 _TimingListener: Callable[[], Any] = event.TimingListener
 
 

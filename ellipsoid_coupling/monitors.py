@@ -29,8 +29,9 @@ from ellipsoid_coupling.models.parts import scene_rates
 # Sums over many cells round by less; leaks of a scheme are far more.
 MASS_TOLERANCE = 1e-9
 _SAFETY = 10.0
-# Seconds over which the pace is taken, and their part of what the run may take.
-_WINDOW, _PART_OF_LONGEST = 60.0, 0.1
+# Seconds over which the pace is taken, at the most and at first; the most of them as a part of what
+# the run may take; and the calls of `advance` that are looked at before.
+_WINDOW, _FIRST_WINDOW, _PART_OF_LONGEST, _FIRST_CALLS = 60.0, 1.0, 0.1, 10
 
 
 class Monitors:
@@ -109,9 +110,13 @@ class Monitors:
 
 
 class Pace:
-    """The watch over the wall time: seconds so far, and those left at the pace of the last minute.
+    """The watch over the wall time: seconds so far, and those left at the present pace.
 
     left = (end - t) dseconds/dt
+
+    The pace is taken over the first calls of `advance`, then over a second, and over twice as long each
+    time up to a minute. A short look at a start may mislead; so what is less than a minute long
+    counts only if the next look says the same. A run without an end is thus told within seconds.
 
     Parameters
     ----------
@@ -123,27 +128,36 @@ class Pace:
 
     def __init__(self, end: float, longest: float) -> None:
         self._end, self._longest = end, longest
-        self._window = min(_WINDOW, _PART_OF_LONGEST * longest)
+        self._enough = min(_WINDOW, _PART_OF_LONGEST * longest)
+        self._window = min(_FIRST_WINDOW, self._enough)
         self._due = time.perf_counter() + self._window
+        self._calls_left = _FIRST_CALLS
         self._since: tuple[float, float] | None = None
+        self._was_slow = False
 
     def look(self, model: Model, seconds: Callable[[], float]) -> str | None:
         """What is wrong with the pace, if anything; `seconds` tells those spent, less compiling."""
-        if time.perf_counter() < self._due:
+        self._calls_left -= 1
+        due = time.perf_counter() >= self._due
+        if self._since is not None and not due and self._calls_left != 0:
             return None
-        self._due = time.perf_counter() + self._window
+        if due:
+            self._due = time.perf_counter() + self._window
+            self._window = min(2.0 * self._window, self._enough)
         spent, before = seconds(), self._since
         self._since = (spent, model.time)
         # A stationary state is iterated to, its time stands still: its iterations are counted.
         if before is None or model.time == before[1]:
             return None
-        left = (self._end - model.time) * (spent - before[0]) / (model.time - before[1])
-        if spent + left <= self._longest:
+        lasted = spent - before[0]
+        left = (self._end - model.time) * lasted / (model.time - before[1])
+        was_slow, self._was_slow = self._was_slow, spent + left > self._longest
+        if not self._was_slow or not (was_slow or lasted >= self._enough):
             return None
         limits = model.counts().get("step_limits", "nothing")
         return (
             f"it would take {time_in_words(left)} more at the pace of the last "
-            f"{time_in_words(spent - before[0])}. Steps are limited by: {limits}. {model.spot()} "
+            f"{time_in_words(lasted)}. Steps are limited by: {limits}. {model.spot()} "
             "Relax that (a larger tolerance or CFL number, fewer cells or particles), or allow it the "
             "time with --longest"
         )

@@ -1,21 +1,110 @@
-"""Progress for people: a bar on a terminal, a plain line now and then in a log."""
+"""Progress for people: a bar on a terminal, plain lines in a log, and a sign of life while compiling."""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Self
+from typing import ClassVar, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
-# In a log: a line at each new stage, at its end, and when this many seconds have passed.
-_SECONDS_BETWEEN_LINES = 10.0
+from ellipsoid_coupling.compiling import listening
+
+# Seconds between two looks whether a line is due in a log, and the most that it stays silent: while
+# something is being done, and before anything is.
+_BEAT, _SILENCE, _PATIENCE = 0.25, 1.5, 0.7
+# The log of a night shall not grow by two lines in three seconds: from twenty minutes on a pause is
+# this part of the time so far.
+_PART_OF_TIME = _SILENCE / 1200.0
+
+
+def _write(line: str) -> None:
+    try:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
+    except (AttributeError, OSError, ValueError):
+        return  # nobody reads, or can: a run is not lost for that
+
+
+class _Heart:
+    """A thread that calls `beat` four times a second, as long as it is entered."""
+
+    def __init__(self, beat: Callable[[], None]) -> None:
+        self._beat = beat
+        self._ended = threading.Event()
+        # A daemon: whatever ends the program need not wait for it.
+        self._thread = threading.Thread(target=self._live, name="ellipsoid-progress", daemon=True)
+
+    def _live(self) -> None:
+        while not self._ended.wait(_BEAT):
+            self._beat()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+class Waiting:
+    """Lines for a command that says nothing: while it loads, and while it writes what it has found.
+
+    Nothing is written by one that is over within a second, nor while a `ProgressReporter` is entered.
+    Use as a context; `clock` as there.
+    """
+
+    busy: ClassVar[int] = 0  # the reporters that are entered now
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._last_line = clock()
+        self._what = "loading"
+        self._heart = _Heart(self.beat)
+
+    def __enter__(self) -> Self:
+        self._heart.__enter__()
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._heart.__exit__()
+
+    def beat(self) -> None:
+        """Write a line if the command has been silent for long."""
+        now = self._clock()
+        if Waiting.busy:
+            self._last_line, self._what = now, "finishing"
+        elif now - self._last_line >= _PATIENCE:
+            self._last_line = now
+            _write(f"{self._what} ...")
 
 
 class ProgressReporter:
     """Callable with (stage, part done between 0 and 1); use as a context.
+
+    Its first line comes at once, and never two seconds pass without one in the first twenty minutes:
+    a thread of its own sees to it where the work says nothing.
+
+    Parameters
+    ----------
+    what : str
+        What is told until there is a stage.
+    clock : callable
+        The seconds; `time.monotonic` but for tests.
 
     Attributes
     ----------
@@ -23,23 +112,36 @@ class ProgressReporter:
         Standard error, so that results on standard output stay clean.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, what: str = "starting", clock: Callable[[], float] = time.monotonic) -> None:
         self.console = Console(stderr=True)
+        self._clock = clock
+        self._began = self._stage_began = self._last_line = clock()
+        self._stage, self._part = what, 0.0
+        self._compiling, self._compiled = 0, 0
         self._bar: Progress | None = None
         self._task: TaskID | None = None
-        self._stage = ""
-        self._stage_started = self._last_line = time.monotonic()
+        # Lines come from the work and from the heart.
+        self._lock = threading.RLock()
+        self._entered = ExitStack()
 
     def __enter__(self) -> Self:
-        if sys.stderr.isatty():
+        if sys.stderr is not None and sys.stderr.isatty():
             columns = (
-                TextColumn("{task.description}"),
+                SpinnerColumn(),
+                TextColumn("{task.description}", markup=False),
                 BarColumn(),
                 TextColumn("{task.percentage:>3.0f} %"),
+                TimeElapsedColumn(),
                 TimeRemainingColumn(),
             )
             self._bar = Progress(*columns, console=self.console, transient=True)
-            self._bar.start()
+            self._task = self._bar.add_task(self._stage, total=1.0)
+            self._entered.enter_context(self._bar)
+        else:
+            self._line()
+            self._entered.enter_context(_Heart(self.beat))
+        Waiting.busy += 1
+        self._entered.enter_context(listening(self._on_compiling))
         return self
 
     def __exit__(
@@ -48,27 +150,53 @@ class ProgressReporter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        Waiting.busy -= 1
+        self._entered.close()
 
     def __call__(self, stage: str, part: float) -> None:
         """Tell that `stage` is done by `part`."""
-        if stage != self._stage:
-            self._stage, self._stage_started, self._last_line = stage, time.monotonic(), 0.0
+        with self._lock:
+            new, self._part = stage != self._stage, part
+            if new:
+                self._stage, self._stage_began = stage, self._clock()
             if self._bar is not None and self._task is not None:
-                self._bar.remove_task(self._task)
-            self._task = self._bar.add_task(stage, total=1.0) if self._bar is not None else None
-        if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=part)
-        elif self._bar is None:
-            self._line(part)
+                if new:
+                    self._bar.reset(self._task, description=stage)
+                self._bar.update(self._task, completed=part, description=stage)
+            elif new or part >= 1.0:
+                self._line()
+            else:
+                self.beat()
 
-    def _line(self, part: float) -> None:
-        now = time.monotonic()
-        if now - self._last_line < _SECONDS_BETWEEN_LINES and part < 1.0:
-            return
+    def beat(self) -> None:
+        """Write a line if none has been written for long."""
+        with self._lock:
+            now = self._clock()
+            if now - self._last_line >= max(_SILENCE, _PART_OF_TIME * (now - self._began)):
+                self._line()
+
+    def _on_compiling(self, kernel: str | None) -> None:
+        """A kernel's compiling starts, or has ended; kernels are compiled within others."""
+        with self._lock:
+            self._compiling += 1 if kernel is not None else -1
+            self._compiled += kernel is None
+            if self._bar is not None and self._task is not None:
+                self._bar.update(self._task, description=self._status())
+            elif self._compiling == 1 and self._compiled == 0:
+                self._line()
+
+    def _status(self) -> str:
+        if self._compiling > 0:
+            return f"{self._stage}: compiling, {self._compiled} kernels so far (kept for next time)"
+        return self._stage
+
+    def _line(self) -> None:
+        now = self._clock()
         self._last_line = now
-        spent = now - self._stage_started
-        left = f", {spent * (1.0 - part) / part:.0f} s left" if 0.0 < part < 1.0 else ""
-        sys.stderr.write(f"{self._stage}: {100 * part:.0f} %{left}\n")
-        sys.stderr.flush()
+        spent, part = now - self._stage_began, self._part
+        if self._compiling > 0:
+            line = f"{self._status()}, {now - self._began:.0f} s"
+        else:
+            left = f", {spent * (1.0 - part) / part:.0f} s left" if 0.0 < part < 1.0 else ""
+            line = f"{self._stage}: {100 * part:.0f} %{left}"
+        _write(line)

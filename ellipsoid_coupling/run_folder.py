@@ -12,15 +12,15 @@ import os
 import time
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, WriteError
 from ellipsoid_coupling.files import (
     Arrays,
     cannot_write,
@@ -49,13 +49,14 @@ _MOST_META = 200  # characters; json reads what is nested by recursion
 _IN_WORDS = "flow"
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunFolder:
     """Where a run keeps its files, and how.
 
     Attributes
     ----------
     path : Path
+        Becomes the folder's own, with its number, when a `numbered` one is claimed.
     resume : bool
         Go on from the checkpoint, bit for bit as if never stopped; from the start if there is none.
     force : bool
@@ -66,6 +67,8 @@ class RunFolder:
         Seconds after which the run writes a checkpoint and stops (Interrupted), to be resumed.
     longest : float
         Seconds that the run may take in all, to judge by its present pace; it stops likewise.
+    numbered : bool
+        A new folder: `path` with the first free number behind it, found and taken when it is claimed.
     """
 
     path: Path
@@ -74,6 +77,11 @@ class RunFolder:
     checkpoint_seconds: float = 15.0
     stop_after: float | None = None
     longest: float = LONGEST_RUN
+    numbered: bool = False
+    # What the system knows the folder by, while it is claimed.
+    _claimed: list[os.stat_result] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
 
     def check(self) -> None:
         """Refuse, before anything is computed, what cannot become this run's folder.
@@ -84,6 +92,9 @@ class RunFolder:
             If the path is a file, cannot be written, holds something already, or is to be resumed and
             holds no run.
         """
+        if self.numbered and not self._claimed:
+            output_folder(self.path.parent)
+            return
         require_free(self.path, force=self.force or self.resume)
         if not self.path.is_dir():
             return
@@ -129,10 +140,15 @@ class RunFolder:
             As `check`; or if another process works in the folder, or it holds another run.
         """
         self.check()
-        self.path.mkdir(parents=True, exist_ok=True)
+        if self.numbered:
+            self.path = _new_folder(self.path)
+        else:
+            _make_folder(self.path)
         handle = os.open(self.path, os.O_RDONLY)
         try:
             _lock(handle, self.path)
+            self._claimed.append(os.fstat(handle))
+            self.require_ours()  # nobody has removed it between
             self.check()
             for half in halves(self.path, _FILES):
                 half.unlink()  # a killed run's: nobody else writes here now
@@ -145,12 +161,32 @@ class RunFolder:
                 flow.save(self.path / FLOW_FILE)
             yield
         finally:
+            self._claimed.clear()
             os.close(handle)  # and with it the lock, which a kill releases as well
+
+    def require_ours(self) -> None:
+        """Refuse to write where the folder that was claimed no longer is; before every file.
+
+        Raises
+        ------
+        WriteError
+            If it has been removed or moved, whatever stands there now: its lock would not be ours.
+        """
+        ours = self._claimed[-1] if self._claimed else None
+        try:
+            there = self.path.stat()
+        except OSError as error:
+            raise cannot_write(self.path, error) from error
+        if ours is not None and not os.path.samestat(ours, there):
+            raise WriteError(
+                f"{self.path} could not be written: it is no longer the folder that this run has "
+                "claimed, which was removed or moved. Run again with another --out."
+            )
 
     def _begin(self, table: Mapping[str, Any]) -> None:
         for name in _FILES[1:]:
             (self.path / name).unlink(missing_ok=True)
-        with whole_file(self.path / RUN_FILE) as file:
+        with whole_file(self.path / RUN_FILE, new_folder=False) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
 
     def _require_same(self, wanted: Mapping[str, Any], but: tuple[str, ...] = ()) -> None:
@@ -184,13 +220,15 @@ class RunFolder:
 
     @property
     def result(self) -> Path:
-        """result.nc."""
+        """result.nc; call `require_ours` before it is written."""
         return self.path / RESULT_FILE
 
     def save(self, arrays: Arrays) -> None:
         """Write a checkpoint; the one before stays until it is whole."""
+        self.require_ours()
         meta = json.dumps({"format": _FORMAT, "package": version("ellipsoid_coupling")})
-        write_arrays(self.path / CHECKPOINT_FILE, {"meta": np.array(meta), **arrays})
+        file = self.path / CHECKPOINT_FILE
+        write_arrays(file, {"meta": np.array(meta), **arrays}, new_folder=False)
 
     def load(self) -> Arrays | None:
         """The arrays of the checkpoint; None if there is none yet.
@@ -219,6 +257,7 @@ class RunFolder:
 
     def clear(self) -> None:
         """Remove the checkpoint of a run that has ended."""
+        self.require_ours()
         (self.path / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
@@ -239,6 +278,55 @@ class Keeper:
         now = time.perf_counter()
         pause = self._interval if self._interval == 0.0 else (now - started) / _WRITING_PART
         self._next = now + max(self._interval, pause)
+
+
+def _make_folder(path: Path) -> None:
+    """Make a folder with those above it, where it is missing; WriteError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+@contextmanager
+def numbered_folder(path: Path) -> Iterator[Path]:
+    """A new folder called `path`, or with the first free number behind it: made, and so taken.
+
+    Of commands that ask at the same time each gets its own. It is removed again if it is still empty
+    at the end.
+
+    Raises
+    ------
+    WriteError
+        If none can be made there.
+    """
+    folder = _new_folder(path)
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):  # it holds something, or has gone
+            folder.rmdir()
+
+
+def _new_folder(path: Path) -> Path:
+    """`path`, or with the first free number behind it, made."""
+    _make_folder(path.parent)
+    folder, count = path, 1
+    while not _made(folder):
+        count += 1
+        folder = path.with_name(f"{path.name}-{count}")
+    return folder
+
+
+def _made(folder: Path) -> bool:
+    """Whether it was this call that made the folder: the system lets one of many do so."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+    return True
 
 
 def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:

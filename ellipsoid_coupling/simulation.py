@@ -35,6 +35,7 @@ from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.run_flow import run_flow
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.threading_layer import taking_turns
 
 Report = Callable[[str, float], None]
 
@@ -173,7 +174,7 @@ class _Run:
         self.snapshots: list[Arrays] = []
         self.earlier = np.zeros(2)  # wall and compile seconds of the runs before this one
         self.asked = Interruption()
-        with CompileTimer() as self.compiling, ExitStack() as claim:
+        with taking_turns(), CompileTimer() as self.compiling, ExitStack() as claim:
             self.model: Model = build_model(self.name, self.setup)
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
@@ -286,6 +287,7 @@ class _Run:
             },
         )
         if self.folder is not None:
+            self.folder.require_ours()
             result.save(self.folder.result)
             self.folder.clear()
         return result

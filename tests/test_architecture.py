@@ -20,6 +20,9 @@ ORDER = [
     "seal",
     "netcdf",
     "interruption",
+    "cache",
+    "compiling",
+    "threading_layer",
     "instructions",
     "registers",
     "kernels",
@@ -41,6 +44,8 @@ ORDER = [
     "compare",
     "output",
     "progress",
+    "streams",
+    "options",
     "cli",
 ]
 ONLY_IN = {

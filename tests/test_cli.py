@@ -60,7 +60,7 @@ BAD: list[tuple[list[str], str]] = [
     (["run", "cavity", "--model", "microscopic", "--set", "particles.length=-1"], "greater than 0"),
     (["run", "cavity", "--model", "microscopic", "--flow", "nowhere"], "nowhere"),
     (["run", "cavity", "--model", "microscopic", "--resume"], "--out"),
-    (["run", "cavity", "--model", "microscopic", "--realisations", "0", *FLOW], "1 or more"),
+    (["run", "cavity", "--model", "microscopic", "--realisations", "0", *FLOW], "from 1"),
     (["run", "cavity", "--modell", "microscopic"], "--model"),
     (["run"], "SCENE"),
     (["plan", "cavity", "--model", "nonsense"], "microscopic"),
@@ -71,6 +71,58 @@ BAD: list[tuple[list[str], str]] = [
     (["export", "nowhere"], "nowhere"),
     (["sail"], "sail"),
 ]
+
+
+# What the command line and the scene alone tell wrong.
+BEFORE_A_FLOW: list[tuple[list[str], str]] = [
+    (["--model", "nonsense"], "rho_mono_kinetic"),
+    (["--model", "microscopic", "--scheme", "best"], "accurate"),
+    (["--model", "microscopic", "--set", "particles.size=3"], "particles.size"),
+    (["--model", "microscopic", "--set", "times=[2.0, 1.0]"], "increasing times"),
+    (["--model", "microscopic", "--seed", "-1"], "--seed"),
+    (["--model", "microscopic", "--realisations", "0"], "--realisations"),
+    (["--model", "microscopic", "--set", "particles.number=1000000000000"], "TB"),
+    (["--model", "microscopic", "--longest", "0"], "--longest"),
+    (["--model", "microscopic", "--out", __file__], "a folder"),
+    (["--model", "microscopic", "--out", str(Path(__file__).parent)], "--force"),
+    (["--model", "microscopic", "--resume", "--out", str(Path(__file__).parent)], "to resume"),
+    (["--model", "rho_mono_kinetic", "--set", "numerics.cell=0.7"], "whole cells"),
+    (["--model", "q_mono_kinetic", "--set", "numerics.cell=0.7"], "whole cells"),
+    (["--model", "q_mono_kinetic", "--set", "numerics.angle_cells=2"], "angle cells"),
+    (["--model", "diffusive", "--set", "flow.drag=0"], "no diffusive limit"),
+    (["--model", "stationary_state"], "no [flow]"),
+]
+
+
+@pytest.mark.parametrize(("tokens", "told"), BEFORE_A_FLOW, ids=lambda v: " ".join(v)[-50:])
+def test_what_is_wrong_is_told_before_a_flow_is_touched(
+    tokens: list[str],
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Whoever asks for a flow fails the test."""
+
+    def touched(*_: object, **__: object) -> None:
+        raise AssertionError("a flow is touched")
+
+    monkeypatch.setattr("ellipsoid_coupling.simulation.scene_flow", touched)
+    assert status_of("run", "cavity", *tokens) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_resuming_another_run_is_refused_before_a_flow_is_touched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_small(tmp_path / "a", "microscopic")
+
+    def touched(*_: object, **__: object) -> None:
+        raise AssertionError("a flow is touched")
+
+    monkeypatch.setattr("ellipsoid_coupling.simulation.scene_flow", touched)
+    tokens = ["run", "cavity_free", "--model", "microscopic", *SMALL, "--seed", "7"]
+    assert status_of(*tokens, "--out", str(tmp_path / "a"), "--resume") == 2
+    assert "[run] seed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("tokens", "told"), BAD, ids=lambda value: " ".join(value)[:60])
@@ -128,6 +180,5 @@ def test_both_ways_to_start_it() -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
     )
     assert done.stdout.strip() == "0.1.0"

@@ -143,23 +143,53 @@ class Clock:
         return "The torque."
 
 
-def test_a_pace_that_never_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """1 of 1000 a minute is 16 hours more: too long for 10 hours, not for 20."""
+def first_told(hours: float, seconds_a_call: float) -> int | None:
+    """The call at which a run of 1000 at 1 in 60 s, 16.7 hours, is told to be too long."""
     now = [0.0]
-    monkeypatch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
-    for hours, told in ((20, False), (10, True)):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
         model: Any = Clock()
         pace = Pace(1000.0, hours * 3600.0)
-        answers = []
-        for _ in range(7):
-            now[0] += 30.0
-            model.time += 0.5
-            answers.append(pace.look(model, lambda: now[0]))
-        assert [a is not None for a in answers] == [False, False, False, told, False, told, False]
-    assert answers[3] is not None
-    assert re.match(
-        r"it would take 16\.6 hours more .* 60 s.*: rotation 100 %\. The torque", answers[3]
-    )
+        for call in range(1, 2001):
+            now[0] += seconds_a_call
+            model.time += seconds_a_call / 60.0
+            told = pace.look(model, lambda: now[0])
+            if told is not None:
+                assert re.match(r"it would take 16\.\d hours more .*: rotation 100 %\. The", told)
+                return call
+    return None
+
+
+@pytest.mark.parametrize(
+    ("seconds_a_call", "call"),
+    [
+        # Ten short calls, and a second that says the same.
+        (1.0 / 1024.0, 1024),
+        (1.0 / 16.0, 16),
+        # The first call is where it is counted from, the next may mislead.
+        (1.0, 4),
+        (30.0, 3),
+        # A look over a minute needs no second one.
+        (60.0, 2),
+    ],
+)
+def test_a_pace_that_never_ends_is_told_soon(seconds_a_call: float, call: int) -> None:
+    assert first_told(20.0, seconds_a_call) is None
+    assert first_told(10.0, seconds_a_call) == call
+
+
+def test_a_start_that_is_slow_for_a_moment_is_not_taken_for_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Steps that grow tenfold a call from 1e-12 of the run: the first look sees years."""
+    now = [0.0]
+    monkeypatch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
+    model: Any = Clock()
+    pace = Pace(1.0, 3600.0)
+    for call in range(2000):
+        now[0] += 0.01
+        model.time += min(10.0 ** (call - 12), 1e-4)
+        assert pace.look(model, lambda: now[0]) is None
 
 
 def test_a_pace_counts_what_is_behind_and_not_what_stands_still(
@@ -178,11 +208,16 @@ def test_a_pace_counts_what_is_behind_and_not_what_stands_still(
     assert pace.look(model, lambda: 3000.0 + now[0]) is not None
 
 
-SLOW = SMALL | {"numerics.cfl": 1e-13, "interaction": None}
+SLOW = SMALL | {"interaction": None}
+
+
+def beyond_bounds(scene: ec.Scene, **numerics: float) -> ec.Scene:
+    """`scene` with numerics that a scene file may not have."""
+    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=numerics)})
 
 
 def test_a_run_that_would_take_too_long_stops_with_a_checkpoint(tmp_path: Path) -> None:
-    scene = ec.load_scene("rotation", SLOW)
+    scene = beyond_bounds(ec.load_scene("rotation", SLOW), cfl=1e-13)
     folder = ec.RunFolder(tmp_path, longest=1.0)
     told = (
         r"would take .* hours more .* CFL number (?:9\d(?:\.\d+)?|100) %"
@@ -198,31 +233,34 @@ def test_a_run_that_would_take_too_long_stops_with_a_checkpoint(tmp_path: Path) 
 def test_without_a_folder_it_stops_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ellipsoid_coupling.simulation.LONGEST_RUN", 1.0)
     with pytest.raises(RunError, match="hours more"):
-        ec.simulate(ec.load_scene("rotation", SLOW), "rho_mono_kinetic")
+        ec.simulate(beyond_bounds(ec.load_scene("rotation", SLOW), cfl=1e-13), "rho_mono_kinetic")
 
 
-VIOLENT, EXACT = {"interaction.strength": 1e60}, {"numerics.tolerance": 1e-90}
+VIOLENT = {"interaction.strength": 1e60}
 NOISY = {"noise.noise": 1.0, "noise.angular_noise": 1.0}
+# What no scene file may have: see `limits`.
+EXACT, SHORT = {"tolerance": 1e-90}, {"cfl": 1e-13}
 
 
 @pytest.mark.parametrize(
-    ("name", "changes"),
+    ("name", "changes", "numerics"),
     [
-        ("microscopic", VIOLENT),
-        ("mckean_vlasov", VIOLENT),
+        ("microscopic", VIOLENT, {}),
+        ("mckean_vlasov", VIOLENT, {}),
         # With noise no step is ever repeated, it only shrinks.
-        ("microscopic", EXACT | NOISY),
-        ("mckean_vlasov", EXACT | NOISY),
-        ("rho_mono_kinetic", VIOLENT),
-        ("diffusive", VIOLENT),
-        ("q_mono_kinetic", VIOLENT),
-        ("q_maxwellian", {"numerics.cfl": 1e-13}),
+        ("microscopic", NOISY, EXACT),
+        ("mckean_vlasov", NOISY, EXACT),
+        ("rho_mono_kinetic", VIOLENT, {}),
+        ("diffusive", VIOLENT, {}),
+        ("q_mono_kinetic", VIOLENT, {}),
+        ("q_maxwellian", {}, SHORT),
     ],
 )
 def test_a_step_that_vanishes_stops_with_term_place_and_remedy(
-    name: str, changes: dict[str, float]
+    name: str, changes: dict[str, float], numerics: dict[str, float]
 ) -> None:
     scene = ec.load_scene("rotation", SMALL | changes | {"particles.realisations": 2})
+    scene = beyond_bounds(scene, **numerics)
     told = (
         r"t = .*step size fell below 1e-12.*\. The strongest term is .* at \(.*\)\. Relax the tol"
     )

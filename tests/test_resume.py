@@ -176,7 +176,7 @@ def uninterrupted(folder: Path, model: str) -> ec.Result:
     """
     for name in ("compiles", "whole"):
         process = start(folder / name, model)
-        process.join(240.0)
+        process.join()
         assert process.exitcode == 0
     return ec.Result.load(folder / "whole")
 
@@ -193,14 +193,12 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
     whole = uninterrupted(tmp_path, model)
     rng = random.Random(model)
     done, folder, while_writing = 0, 0, 0
-    deadline = time.monotonic() + 300.0
     while done < kills:
-        assert time.monotonic() < deadline
         place = tmp_path / str(folder)
         process = start(place, model)
         waits_for_file, delay = rng.random() < 0.33, rng.uniform(0.05, 1.0)
         begun = time.monotonic()
-        while process.is_alive() and time.monotonic() - begun < 20.0:
+        while process.is_alive():
             half = next(place.glob(".checkpoint.*"), None) if place.exists() else None
             if (half is not None) if waits_for_file else (time.monotonic() - begun > delay):
                 break
@@ -208,7 +206,7 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
                 continue  # a file lives for a millisecond or less
             time.sleep(0.005)
         process.kill()
-        process.join(20.0)
+        process.join()
         if process.exitcode == -signal.SIGKILL:
             done += 1
             while_writing += waits_for_file
@@ -219,7 +217,7 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
             folder += 1
     assert while_writing > 0
     process = start(tmp_path / str(folder), model)
-    process.join(120.0)
+    process.join()
     assert process.exitcode == 0
     require_same(whole, ec.Result.load(tmp_path / str(folder)))
     left = {p.name for p in (tmp_path / str(folder)).iterdir() if not p.name.startswith(".")}

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +23,14 @@ from numpy.typing import NDArray
 import ellipsoid_coupling as ec
 from ellipsoid_coupling import run_folder
 from ellipsoid_coupling.errors import InputError, WriteError
-from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, RESULT_FILE, RUN_FILE, Keeper, RunFolder
+from ellipsoid_coupling.run_folder import (
+    CHECKPOINT_FILE,
+    RESULT_FILE,
+    RUN_FILE,
+    Keeper,
+    RunFolder,
+    numbered_folder,
+)
 from ellipsoid_coupling.schemes.step_control import NEXT_STEP, PLANNED_BY, STATUS, STEPS, TIME
 
 SETTINGS: dict[str, Any] = {
@@ -152,7 +161,7 @@ def test_a_second_run_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     def ask(_stage: str, _part: float) -> None:
         if not told:
             command = [sys.executable, "-c", textwrap.dedent(code)]
-            done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
             told.append(done.stdout)
 
     first = run(tmp_path, report=ask)
@@ -342,7 +351,7 @@ def test_a_folder_without_permission_is_refused_at_once(tmp_path: Path) -> None:
     for folder in (tmp_path, *tmp_path.parents[:2]):
         folder.chmod(0o755)
     command = [sys.executable, "-c", textwrap.dedent(code)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "expected a folder that can be written" in done.stdout
 
 
@@ -367,3 +376,98 @@ def test_checkpoints_take_a_small_part_of_the_time(monkeypatch: pytest.MonkeyPat
     assert not keeper.due
     now[0] = 525.0
     assert keeper.due
+
+
+def removed_half_way(folder: Path, then: Any) -> None:
+    """Run in a folder that disappears under the run, which writes a checkpoint at every step."""
+    done: list[bool] = []
+
+    def remove(_stage: str, part: float) -> None:
+        if part > 0.3 and not done:
+            done.append(True)
+            shutil.rmtree(folder)
+            then()
+
+    with pytest.raises(WriteError) as told:
+        run(RunFolder(folder, checkpoint_seconds=0.0), report=remove)
+    assert str(folder) in str(told.value)
+
+
+def test_a_folder_removed_under_a_run_does_not_come_back(tmp_path: Path) -> None:
+    removed_half_way(tmp_path / "run", lambda: None)
+    assert not (tmp_path / "run").exists()
+
+
+def test_what_another_run_has_put_in_its_place_stays(tmp_path: Path) -> None:
+    """The other one runs to its end meanwhile: its result and its run.toml are of one run."""
+    removed_half_way(tmp_path / "run", lambda: run(tmp_path / "run", seed=2))
+    assert set(contents(tmp_path / "run")) == {RUN_FILE, RESULT_FILE}
+    assert ec.Result.load(tmp_path / "run").attributes["seed"] == 2
+    assert run_folder.read_run_file(tmp_path / "run" / RUN_FILE)["run"]["seed"] == 2
+
+
+def test_a_result_is_not_written_into_a_folder_of_somebody_else(tmp_path: Path) -> None:
+    """Removed after the last checkpoint, and empty again: nothing comes into it."""
+
+    def remove(_stage: str, part: float) -> None:
+        if part == 1.0:
+            shutil.rmtree(tmp_path / "run")
+            (tmp_path / "run").mkdir()
+
+    with pytest.raises(WriteError, match="could not be written: it is no longer the folder"):
+        run(RunFolder(tmp_path / "run", checkpoint_seconds=1e6), report=remove)
+    assert contents(tmp_path / "run") == {}
+
+
+def test_names_are_numbered_and_taken_at_once(tmp_path: Path) -> None:
+    """Eight ask at the same time: eight folders, each its own; what stays empty is removed."""
+    both = threading.Barrier(8)
+    found: list[Path] = []
+
+    def take() -> None:
+        both.wait()
+        with numbered_folder(tmp_path / "results" / "name") as folder:
+            both.wait()
+            found.append(folder)
+            if not folder.name.endswith("-5"):
+                (folder / "file").touch()
+
+    threads = [threading.Thread(target=take) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    names = {"name", *(f"name-{k}" for k in range(2, 9))}
+    assert {folder.name for folder in found} == names
+    assert {path.name for path in (tmp_path / "results").iterdir()} == names - {"name-5"}
+
+
+def test_commands_at_once_without_out_all_run(tmp_path: Path) -> None:
+    """Three processes, as of a job array: three results, each with its own seed."""
+    command = [
+        sys.executable,
+        "-m",
+        "ellipsoid_coupling",
+        "run",
+        "rotation",
+        "--model",
+        "microscopic",
+    ]
+    settings = ["particles.number=10", "interaction=none", "times=0.1", "particles.realisations=2"]
+    processes = [
+        subprocess.Popen(
+            [*command, "--set", *settings, "--seed", str(seed)],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for seed in range(3)
+    ]
+    for process in processes:
+        told = process.communicate()[1]
+        assert process.returncode == 0, told
+    folders = sorted((tmp_path / "results").iterdir())
+    name = "rotation-microscopic-accurate"
+    assert [folder.name for folder in folders] == [name, f"{name}-2", f"{name}-3"]
+    assert {ec.Result.load(folder).attributes["seed"] for folder in folders} == {0, 1, 2}

@@ -12,6 +12,14 @@ from rich.table import Table
 _LOG_WIDTH = 150
 
 
+class PipedConsole(Console):
+    """Leaves it to the command what follows when nobody reads on."""
+
+    def on_broken_pipe(self) -> None:
+        """Pass on what rich has caught; rich itself would end the program with status 1."""
+        raise BrokenPipeError
+
+
 def table_text(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table as plain text, columns as wide as their longest cell, for a file."""
     widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
@@ -27,5 +35,5 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _LOG_WIDTH)
+    console = PipedConsole(file=sys.stdout, width=None if sys.stdout.isatty() else _LOG_WIDTH)
     console.print(table)

@@ -236,6 +236,10 @@ BAD: dict[str, tuple[Make, str]] = {
     "tiny particles": (
         setting("particles.length=1e-9", "particles.width=1e-9"), r"cells of half a reach.*TB",
     ),
+    "10^6 angles": (setting("numerics.angle_cells=1000000"), r"angle_cells.* 36000, found 1000000"),
+    "no CFL number": (setting("numerics.cfl=1e-9"), r"numerics\.cfl: expected greater .*1e-09"),
+    "no tolerance": (setting("numerics.tolerance=1e-30"), r"numerics\.tolerance.* found 1e-30"),
+    "true time": (setting("times=true"), r"key times: .*found True"),
     "cell > domain": (setting("numerics.cell=3.0", model="diffusive"), r"divides the domain"),
     "no setting at all": (setting(), r"--set: expected key=value, found nothing"),
     "no equals": (setting("particles.number"), r"--set: expected key=value"),
@@ -246,6 +250,17 @@ BAD: dict[str, tuple[Make, str]] = {
     # Options.
     "negative seed": (option("--seed", "-1"), r"--seed: expected a whole number"),
     "no number": (option("--seed", "abc"), r"(?i)abc"),
+    "half a seed": (option("--seed", "1.5"), r"--seed: expected a whole number, found '1\.5'"),
+    "seed of 64 bits": (option("--seed", str(2**63)), r"--seed: expected a whole number from 0"),
+    "half a realisation": (option("--realisations", "1.5"), r"expected a whole number, found '1\.5'"),
+    "no realisation": (option("--realisations", "0"), r"--realisations: expected a whole number"),
+    "half a cell": (command("flow", "cavity", "--cells", "8.5"), r"--cells: expected a whole number"),
+    "half a process": (
+        command("flow", "cavity", "--processes", "1.5"), r"--processes: expected a whole number",
+    ),
+    "half a particle": (setting("particles.number=1.5"), r"particles\.number.*integer"),
+    "half an angle": (setting("numerics.angle_cells=12.5"), r"angle_cells.*integer"),
+    "cells in words": (setting("flow.cells=64.0"), r"flow\.cells.*integer"),
     "10^15 realisations": (option("--realisations", str(10**15)), r"particles, which take"),
     "no time": (option("--longest", "0"), r"--longest: expected seconds above 0"),
     "no number of seconds": (option("--longest", "nan"), r"--longest: .*found nan"),

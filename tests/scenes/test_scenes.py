@@ -170,3 +170,15 @@ def test_whole_turns_are_taken_off_an_angle() -> None:
     two = {"points": [[0.1, 0.2, 1e9], [0.1, 0.2, 1e9 + 20.0]]}
     places = load_scene("cavity", {"start": two, "particles.number": 2}).start.places()
     assert places[1][2] - places[0][2] == pytest.approx(20.0, abs=1e-12)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path: Path) -> None:
+    """As some editors save it; the values are the file's, bit for bit."""
+    path = tmp_path / "my.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + scene_to_toml(load_scene("rotation")).encode())
+    assert load_scene(path) == load_scene("rotation")
+
+
+def test_one_time_is_a_list_of_it() -> None:
+    assert load_scene("rotation", {"times": 0.5}).times == (0.5,)
+    assert load_scene("rotation", {"times": 2}).times == (2.0,)

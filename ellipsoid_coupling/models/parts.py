@@ -11,6 +11,7 @@ from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cel
 from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs import Pairs
 from ellipsoid_coupling.models.base import Arrays, Health, Setup
+from ellipsoid_coupling.models.fitting import require_start_inside
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -121,11 +122,17 @@ def start_at_rest(setup: Setup, points: Floats) -> tuple[Floats, Floats]:
     """Places (blocks, D, n) and velocities 0 of particles at `points` (blocks, 2, n).
 
     With start.points these are where all realisations start, whatever `points` are.
+
+    Raises
+    ------
+    InputError
+        If one starts in a solid or beyond the flow's mesh.
     """
     start = setup.scene.start
     places = np.array(start.places())
     if places.size:
         points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
+    require_start_inside(setup.scene, setup.flow, points[:, 0], points[:, 1])
     blocks, _, size = points.shape
     place = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
     place[:, :2] = points

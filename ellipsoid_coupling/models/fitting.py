@@ -91,7 +91,8 @@ def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
 
 def _mean_across(flow: FlowField, axis: int, wall: float) -> float:
     """The mean speed across a side of the flow's rectangle, where that is in the fluid."""
-    along = np.linspace(*flow.bounds[2 - 2 * axis : 4 - 2 * axis], _POINTS)
+    low, high = flow.bounds[2 - 2 * axis : 4 - 2 * axis]
+    along = np.linspace(low, high, _POINTS)
     at = np.full(_POINTS, wall)
     sample = flow.evaluate(*((at, along) if axis == 0 else (along, at)))
     across = np.abs(sample.velocity_x if axis == 0 else sample.velocity_y)

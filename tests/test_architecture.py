@@ -41,6 +41,7 @@ ORDER = [
     "compare",
     "output",
     "progress",
+    "options",
     "cli",
 ]
 ONLY_IN = {

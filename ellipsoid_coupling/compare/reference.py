@@ -15,7 +15,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.kernels import for_each, kernel
 from ellipsoid_coupling.models import Arrays, Setup
-from ellipsoid_coupling.models.fitting import require_start_inside
+from ellipsoid_coupling.models.fitting import require_fitting, require_start_inside
 from ellipsoid_coupling.models.parts import (
     none_frozen,
     particle_snapshot,
@@ -147,6 +147,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
             "interaction, noise or start.points",
             "Compare with the microscopic ensemble instead.",
         )
+    require_fitting(scene, flow)
     setup = Setup(scene, terms_of(scene), "accurate", flow, 0, 1)
     terms = scene_drift(setup), scene_rates(setup).damping, scene_limits(setup)
     damping = terms[1]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models.fitting import require_fitting
 from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.scenes import Scene, Terms
 
@@ -20,13 +19,7 @@ SchemeName = Literal["paper", "accurate"]
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything a model is built from; two equal setups give the same bits.
-
-    Raises
-    ------
-    InputError
-        For a scene and a flow that do not fit together.
-    """
+    """Everything a model is built from; two equal setups give the same bits."""
 
     scene: Scene
     terms: Terms
@@ -34,9 +27,6 @@ class Setup:
     flow: FlowField | None  # None, too, while only the scene is looked at: `Model.require_fit`
     seed: int
     realisations: int
-
-    def __post_init__(self) -> None:
-        require_fitting(self.scene, self.flow)
 
 
 class Health(NamedTuple):

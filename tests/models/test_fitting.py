@@ -10,7 +10,7 @@ import pytest
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import Setup
+from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.models.fitting import can_be_left, require_fitting
 from ellipsoid_coupling.scenes import Scene, terms_of
 from tests.known_flows import channel
@@ -34,14 +34,14 @@ def closed() -> FlowField:
     return FlowField.from_stream_function(psi, x, y, "a roll")
 
 
-def test_a_setup_has_a_flow_if_its_scene_has_one() -> None:
+def test_a_model_has_a_flow_if_its_scene_has_one() -> None:
     """Without it there would be drag, and no fluid; with one too many, its name and nothing else."""
     own = scene()
     with pytest.raises(InputError, match=r"expected a flow for its \[flow\] section, found none"):
-        Setup(own, terms_of(own), "accurate", None, 0, 1)
+        build_model("microscopic", Setup(own, terms_of(own), "accurate", None, 0, 1))
     dry = scene(flow=None)
     with pytest.raises(InputError, match="expected no flow, found a channel"):
-        Setup(dry, terms_of(dry), "accurate", channel(), 0, 1)
+        build_model("microscopic", Setup(dry, terms_of(dry), "accurate", channel(), 0, 1))
 
 
 def test_reflecting_sides_are_walls_of_the_flow() -> None:

@@ -13,7 +13,15 @@ from cyclopts import App, CycloptsError, Parameter
 
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.inputs import exists
-from ellipsoid_coupling.options import Keeping, Names, OptionalWhole, Output, Settings, Whole
+from ellipsoid_coupling.options import (
+    FlowChoice,
+    Keeping,
+    Names,
+    OptionalWhole,
+    Output,
+    Settings,
+    Whole,
+)
 from ellipsoid_coupling.output.tables import PipedConsole, print_table
 from ellipsoid_coupling.progress import ProgressReporter, Waiting
 from ellipsoid_coupling.streams import drop, open_streams, tell, warn_in_one_line
@@ -35,7 +43,7 @@ def _print(*lines: str) -> None:
         sys.stdout.write(shown(line) + "\n")
 
 
-_OUTPUT, _KEEPING = Output(), Keeping()
+_OUTPUT, _KEEPING, _FLOW = Output(), Keeping(), FlowChoice()
 
 
 def _scene(name: str, settings: list[str] | None) -> Scene:
@@ -117,7 +125,7 @@ def run(
     *,
     model: str | None = None,
     scheme: str | None = None,
-    flow: Path | None = None,
+    flow: FlowChoice = _FLOW,
     set_: Settings = None,
     seed: OptionalWhole = None,
     realisations: OptionalWhole = None,
@@ -133,15 +141,12 @@ def run(
         microscopic, rho_mono_kinetic, ...
     scheme
         paper (the paper's numerics) or accurate.
-    flow
-        Any solved 2-D OpenFOAM case folder, what foamToVTK wrote, or a saved flow (.npz).
     seed
         Fixes start positions and noise.
     realisations
         Instead of the scene's number.
     """
     from ellipsoid_coupling.models import scheme_named
-    from ellipsoid_coupling.run_flow import repeated_flow
     from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
@@ -152,7 +157,7 @@ def run(
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     keeping.check()
     kind = scheme_named(scheme or before.scheme)
-    given = flow or repeated_flow(scene, chosen)
+    given = flow.wanted(scene, chosen)
     folder = keeping.place(f"{chosen.name}-{name}-{kind}")
     with ProgressReporter("run") as report:
         result = simulate(
@@ -184,7 +189,7 @@ def compare(
     what: Names,
     /,
     *,
-    flow: Path | None = None,
+    flow: FlowChoice = _FLOW,
     set_: Settings = None,
     longest: float = 60.0,
     output: Output = _OUTPUT,
@@ -196,16 +201,13 @@ def compare(
     Parameters
     ----------
     what
-        One scene (every model that fits it is run with both schemes, coarse to fine), or finished
-        run folders.
-    flow
-        As in `run`; finished runs have their own.
+        One scene (every model that fits it is run with both schemes, coarse to fine), or finished runs.
     longest
         Seconds that one run may take; finer levels are left out, and told.
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
-    from ellipsoid_coupling.run_flow import load_runs, repeated_flow
+    from ellipsoid_coupling.run_flow import load_runs
     from ellipsoid_coupling.simulation import scene_flow
 
     if not 0.0 < longest < math.inf:
@@ -214,13 +216,12 @@ def compare(
     with ProgressReporter("compare") as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
-            field = scene_flow(scene, flow or repeated_flow(what[0], scene), report)
+            field = scene_flow(scene, flow.wanted(what[0], scene), report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
         else:
-            if flow is not None or set_ is not None:
-                found = "--flow or --set with runs, which have their own scene and flow"
-                raise InputError("compare", "runs alone", found, "Leave it out.")
-            results, flows = load_runs(what)
+            if set_ is not None:
+                raise InputError("compare", "runs alone", "--set with them", "Leave it out.")
+            results, flows = load_runs(what, flow.flow)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
     with output.folder(f"compare-{scene.name}") as folder:

@@ -1,7 +1,7 @@
 """Densities and angle distributions of particles, r-grids and (r, theta) grids on the same bins.
 
 Particles are counted; cells hand their mass to the bins that they overlap, so that every model's
-result can be subtracted from every other's.
+result can be subtracted from every other's. Particles that have left the flow's mesh are in no bin.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Range = tuple[float, float]
+Flags = NDArray[np.bool_]
 
 FULL_TURN = 2.0 * np.pi
 
@@ -22,13 +23,23 @@ def overlap_matrix(edges: Floats, bin_edges: Floats) -> Floats:
     return np.asarray(np.clip(high - low, 0.0, None) / np.diff(edges)[None, :])
 
 
-def particle_density(x: Floats, y: Floats, x_range: Range, y_range: Range, cells: int) -> Floats:
+def particle_density(
+    x: Floats,
+    y: Floats,
+    x_range: Range,
+    y_range: Range,
+    cells: int,
+    frozen: Flags | None = None,
+) -> Floats:
     """Histogram density of particles (any shape, all counted alike) on cells x cells bins.
+
+    frozen : of the shape of x, those that have left the flow's mesh; None where none can
 
     Returns (cells, cells), axis order (y, x); its integral is the part of the particles inside.
     """
+    inside_x, inside_y = moving(x, frozen), moving(y, frozen)
     counts, _, _ = np.histogram2d(
-        y.ravel(), x.ravel(), bins=cells, range=[list(y_range), list(x_range)]
+        inside_y, inside_x, bins=cells, range=[list(y_range), list(x_range)]
     )
     area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0]) / cells**2
     return np.asarray(counts / (x.size * area))
@@ -42,10 +53,19 @@ def grid_density(density: Floats, x_range: Range, y_range: Range, cells: int) ->
     return np.asarray(to_y @ density @ to_x.T * (cells / ny) * (cells / nx))
 
 
-def particle_angles(angle: Floats, bins: int) -> Floats:
-    """Angle distribution of particles on [0, 2 pi), (bins,), integral 1."""
-    counts, _ = np.histogram(np.mod(angle, FULL_TURN), bins=bins, range=(0.0, FULL_TURN))
-    return np.asarray(counts * bins / (FULL_TURN * angle.size))
+def particle_angles(angle: Floats, bins: int, frozen: Flags | None = None) -> Floats:
+    """Angle distribution of particles on [0, 2 pi), (bins,), integral 1; all 0 where none is left.
+
+    frozen : as in `particle_density`
+    """
+    kept = np.mod(moving(angle, frozen), FULL_TURN)
+    counts, _ = np.histogram(kept, bins=bins, range=(0.0, FULL_TURN))
+    return np.asarray(counts * bins / (FULL_TURN * max(kept.size, 1)))
+
+
+def moving(values: Floats, frozen: Flags | None) -> Floats:
+    """The values (n,) of the particles that have not left the flow's mesh."""
+    return values.ravel() if frozen is None else values[~frozen]
 
 
 def field_angles(mean_angle: Floats, mass: Floats, bins: int) -> Floats:

@@ -15,7 +15,9 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.limits import LONGEST_RUN
 
 if TYPE_CHECKING:
+    from ellipsoid_coupling.flow import FlowField, Wanted
     from ellipsoid_coupling.run_folder import RunFolder
+    from ellipsoid_coupling.scenes import Scene
 
 Settings = Annotated[
     list[str] | None,
@@ -110,3 +112,25 @@ class Keeping(Output):
         path = self.out if self.out is not None else Path("results") / name
         limits = self.checkpoint_seconds, self.stop_after, self.longest
         return RunFolder(path, self.resume, self.force, *limits, numbered=self.out is None)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FlowChoice:
+    """Which flow to take instead of the scene's own."""
+
+    flow: Annotated[
+        Path | None,
+        Parameter(help="A solved 2-D OpenFOAM case, what foamToVTK wrote, or a saved flow (.npz)."),
+    ] = None
+    allow_misfit: Annotated[
+        bool, Parameter(negative="", help="Take a flow even if it is far off the solver's U.")
+    ] = False
+
+    def wanted(self, name: str, scene: Scene) -> Wanted | FlowField:
+        """What --flow names; for the run.toml of an earlier run, else, that run's own flow."""
+        from ellipsoid_coupling.flow import Wanted
+        from ellipsoid_coupling.run_flow import repeated_flow
+
+        before = repeated_flow(name, scene) if self.flow is None else None
+        return before or Wanted(self.flow, self.allow_misfit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -36,6 +37,10 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
     "rho": ("density", "mean_angle", *_MOTION),
 }
 
+# What only some runs have: 1 for a particle that has left the flow's mesh, from then on.
+FROZEN = "frozen"
+MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN,), "q": (), "rho": ()}
+
 # units and long_name of every variable and coordinate
 _DESCRIPTION: dict[str, tuple[str, str]] = {
     "time": ("1", "time"),
@@ -47,13 +52,17 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
     "angular_velocity": ("rad", "angular velocity, per unit of time"),
     "density": ("1", "probability density"),
     "mean_angle": ("rad", "mean angle of the main axis against the x axis"),
+    FROZEN: ("1", "1 where the particle has left the flow's mesh and stays where it left it"),
 }
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
-_TEXTS = ("model", "scheme", "status", "resolution", "flow", "package_version", "step_limits")
+_TEXTS = (
+    "model", "scheme", "status", "resolution", "flow", "flow_digest", "package_version",
+    "step_limits",
+)  # fmt: skip
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
-    "compile_seconds",
+    "compile_seconds", "particles_outside_flow",
 )  # fmt: skip
 _LONGEST = 10_000
 _REMEDY = "Give a result.nc that this package wrote."
@@ -95,15 +104,30 @@ class Result:
     def density(self, cells: int = 30) -> Floats:
         """The particles' probability density on cells x cells bins of the domain.
 
+        Particles that have left the flow's mesh are in no bin.
+
         Returns
         -------
         (T, cells, cells) float64, axis order (time, y, x), per unit of area.
         """
         ranges = (self.scene.domain.x, self.scene.domain.y)
         if self.layout == "particles":
-            places = zip(self.variables["x"], self.variables["y"], strict=True)
-            return np.array([histograms.particle_density(x, y, *ranges, cells) for x, y in places])
+            places = zip(self.variables["x"], self.variables["y"], self._frozen(), strict=True)
+            return np.array(
+                [histograms.particle_density(x, y, *ranges, cells, gone) for x, y, gone in places]
+            )
         return np.array([histograms.grid_density(d, *ranges, cells) for d in self.cell_density()])
+
+    @property
+    def frozen(self) -> NDArray[np.bool_] | None:
+        """The particles that have left the flow's mesh, (T, R, N); None where none can."""
+        marks = self.variables.get(FROZEN)
+        return None if marks is None else marks != 0.0
+
+    def _frozen(self) -> Sequence[NDArray[np.bool_] | None]:
+        """`frozen` of each saved time."""
+        gone = self.frozen
+        return [None] * self.times.size if gone is None else list(gone)
 
     def cell_density(self) -> Floats:
         """The density on the grid's own cells, (T, ny, nx), integrated over the angle for q."""
@@ -115,7 +139,8 @@ class Result:
     def angle_distribution(self, bins: int = 60) -> Floats:
         """The probability density of the angle on [0, 2 pi), (T, bins), per radian."""
         if self.layout == "particles":
-            return np.array([histograms.particle_angles(a, bins) for a in self.variables["angle"]])
+            angles = zip(self.variables["angle"], self._frozen(), strict=True)
+            return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
         if self.layout == "q":
             mass = self.variables["density"].sum(axis=(2, 3))
             total = mass.sum(axis=1, keepdims=True) * histograms.FULL_TURN / mass.shape[1]
@@ -214,7 +239,7 @@ class Result:
             expected = f"the scene's times {self.scene.times}"
             raise InputError(f"{where}, time", expected, str(self.times), _REMEDY)
         wanted = VARIABLES[self.layout]
-        if set(self.variables) != set(wanted):
+        if set(self.variables) - set(MARKS[self.layout]) != set(wanted):
             found = ", ".join(sorted(self.variables)) or "none"
             raise InputError(where, f"the variables {', '.join(wanted)}", found, _REMEDY)
         for name, array in self.variables.items():

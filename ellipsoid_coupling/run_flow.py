@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import FlowField, analytic_flow, find_flow
+from ellipsoid_coupling.flow import FlowField, analytic_flow, find_flow, flow_at
 from ellipsoid_coupling.inputs import exists, is_folder
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.run_folder import FLOW_FILE, RUN_FILE
@@ -21,8 +21,12 @@ from ellipsoid_coupling.scenes.scene import Flow
 _NONE = "none"
 
 
-def load_runs(runs: Sequence[str | Path]) -> tuple[list[Result], list[FlowField | None]]:
+def load_runs(
+    runs: Sequence[str | Path], given: Path | None = None
+) -> tuple[list[Result], list[FlowField | None]]:
     """Finished runs and, in the same order, the flow that each of them used.
+
+    given : where else that flow lies, for folders of an older version
 
     Raises
     ------
@@ -31,8 +35,9 @@ def load_runs(runs: Sequence[str | Path]) -> tuple[list[Result], list[FlowField 
     """
     results = [Result.load(path) for path in runs]
     told = [str(result.attributes.get("flow_digest", _NONE)) for result in results]
+    other = None if given is None else flow_at(given, allow_misfit=True)
     flows = [
-        run_flow(Path(path), result.scene, digest)
+        run_flow(Path(path), result.scene, digest, other)
         for path, result, digest in zip(runs, results, told, strict=True)
     ]
     return results, flows
@@ -64,7 +69,9 @@ def repeated_flow(name: str, scene: Scene) -> FlowField | None:
     return run_flow(Path(name), scene, digest)
 
 
-def run_flow(run: Path, scene: Scene, digest: str = _NONE) -> FlowField | None:
+def run_flow(
+    run: Path, scene: Scene, digest: str = _NONE, other: FlowField | None = None
+) -> FlowField | None:
     """The flow that an earlier run used, from its folder; nothing is solved for it.
 
     A folder of an older version holds no flow: a formula serves, and a field that is shipped or in the
@@ -78,6 +85,8 @@ def run_flow(run: Path, scene: Scene, digest: str = _NONE) -> FlowField | None:
         The run's.
     digest : str
         The flow's, where it is known from elsewhere than run.toml (result.nc); else "none".
+    other : FlowField, optional
+        Taken instead of what lies in the folder; it must be the very one, too.
 
     Returns
     -------
@@ -93,12 +102,13 @@ def run_flow(run: Path, scene: Scene, digest: str = _NONE) -> FlowField | None:
     folder = run if is_folder(run) else run.parent
     file = folder / FLOW_FILE
     told = {digest, _told_digest(folder)} - {_NONE}
-    if exists(file):
-        field = FlowField.load(file)
+    if other is not None or exists(file):
+        field = FlowField.load(file) if other is None else other
         if told != {field.digest}:
             raise InputError(
-                str(file), f"the flow that the run used, digest {_either(told)}",
-                f"one with digest {field.digest}", "Bring back the run's own flow.npz.",
+                "--flow" if other is not None else str(file),
+                f"the flow that the run used, digest {_either(told)}",
+                f"one with digest {field.digest}", "Give the run's own.",
             )  # fmt: skip
         return field
     found = _flow_elsewhere(scene.flow, told)

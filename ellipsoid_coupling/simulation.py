@@ -18,7 +18,7 @@ from ellipsoid_coupling import checkpoint
 from ellipsoid_coupling.checkpoint import Progress
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files import Arrays
-from ellipsoid_coupling.flow import FlowField, analytic_flow, obtain_flow
+from ellipsoid_coupling.flow import FlowField, Wanted, analytic_flow, obtain_flow
 from ellipsoid_coupling.interruption import Interruption, noticed
 from ellipsoid_coupling.kernels import CompileTimer
 from ellipsoid_coupling.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
@@ -41,7 +41,9 @@ Report = Callable[[str, float], None]
 
 
 def scene_flow(
-    scene: Scene, given: FlowField | str | Path | None = None, report: Report | None = None
+    scene: Scene,
+    given: FlowField | Wanted | str | Path | None = None,
+    report: Report | None = None,
 ) -> FlowField | None:
     """The flow that a scene names, or the one `given`; None for a scene without a fluid.
 
@@ -52,17 +54,20 @@ def scene_flow(
         [flow].
     """
     if scene.flow is None:
-        if given is not None:
+        if given not in (None, Wanted()):
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
         return None
     if isinstance(given, FlowField):
         return given
-    if given is None and scene.flow.source == "closed_form":
+    if isinstance(given, str | Path):
+        given = Wanted(Path(given))
+    path, allow_misfit = given or Wanted()
+    if path is None and scene.flow.source == "closed_form":
         return analytic_flow(scene.flow.field)
-    path = Path(given) if given is not None else None
-    return obtain_flow(scene.flow.field, scene.flow.cells, path, report=report)
+    named = scene.flow.field, scene.flow.cells, path
+    return obtain_flow(*named, report=report, allow_misfit=allow_misfit)
 
 
 def simulate(
@@ -70,7 +75,7 @@ def simulate(
     model: str,
     scheme: SchemeName = "accurate",
     *,
-    flow: FlowField | str | Path | None = None,
+    flow: FlowField | Wanted | str | Path | None = None,
     seed: int = 0,
     realisations: int | None = None,
     folder: RunFolder | Path | None = None,
@@ -84,7 +89,7 @@ def simulate(
     model : str
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
-    flow : FlowField, path or None
+    flow : FlowField, Wanted, path or None
         Replaces the scene's own flow. A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
@@ -112,7 +117,7 @@ def simulate(
     if place is not None:
         place.check()
         place.check_same(*_identity(model, setup))
-    if flow is None and place is not None and place.keeps_flow:
+    if flow in (None, Wanted()) and place is not None and place.keeps_flow:
         field = run_flow(place.path, scene)
     else:
         field = scene_flow(scene, flow, report)

@@ -14,13 +14,22 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.kernels import for_each, kernel
-from ellipsoid_coupling.models import Setup
-from ellipsoid_coupling.models.parts import scene_drift, scene_limits, scene_rates
+from ellipsoid_coupling.models import Arrays, Setup
+from ellipsoid_coupling.models.fitting import require_fitting, require_start_inside
+from ellipsoid_coupling.models.parts import (
+    none_frozen,
+    particle_snapshot,
+    scene_drift,
+    scene_limits,
+    scene_rates,
+)
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, terms_of
-from ellipsoid_coupling.schemes.particles.state import bounce
+from ellipsoid_coupling.schemes.particles.frozen import freeze, frozen_row, places_before
+from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, bounce
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
 
 _POINTS_PER_TASK = 1024
 # RK4 errs by (Gamma dt)^5/120 a step: 1e-7 relative at 0.1.
@@ -35,9 +44,16 @@ def has_exact_reference(scene: Scene) -> bool:
 
 
 @kernel
-def _slope(drift: Drift, damping: Floats, place: Floats, velocity: Floats, slope: Floats) -> None:
+def _slope(
+    drift: Drift,
+    damping: Floats,
+    place: Floats,
+    velocity: Floats,
+    slope: Floats,
+    frozen: Flags | None,
+) -> None:
     """Slope = F(place) - Gamma velocity, (D, N)."""
-    particle_forces(drift, place, slope)
+    particle_forces(drift, place, slope, frozen)
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
             slope[d, i] -= damping[d] * velocity[d, i]
@@ -45,56 +61,56 @@ def _slope(drift: Drift, damping: Floats, place: Floats, velocity: Floats, slope
 
 @kernel
 def _runge_kutta(
-    drift: Drift, damping: Floats, place: Floats, velocity: Floats, dt: float, steps: int
+    drift: Drift,
+    damping: Floats,
+    place: Floats,
+    velocity: Floats,
+    dt: float,
+    frozen: Flags | None,
 ) -> None:
-    """`steps` classical fourth-order steps of r' = v, v' = F - Gamma v, in place."""
+    """A classical fourth-order step of r' = v, v' = F - Gamma v, in place."""
     slopes = np.empty((4, *place.shape))
     speeds = np.empty((4, *place.shape))
-    for _ in range(steps):
-        for stage in range(4):
-            part = dt * (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)
-            trial = place.copy()
-            speeds[stage] = velocity
-            if stage > 0:
-                trial += part * speeds[stage - 1]
-                speeds[stage] += part * slopes[stage - 1]
-            _slope(drift, damping, trial, speeds[stage], slopes[stage])
-        place += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
-        velocity += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
+    for stage in range(4):
+        part = dt * (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)
+        trial = place.copy()
+        speeds[stage] = velocity
+        if stage > 0:
+            trial += part * speeds[stage - 1]
+            speeds[stage] += part * slopes[stage - 1]
+        _slope(drift, damping, trial, speeds[stage], slopes[stage], frozen)
+    place += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
+    velocity += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
 
 
 @kernel
 def _push(
     drift: Drift,
     damping: Floats,
-    box: Floats | None,
-    place: Floats,
-    velocity: Floats,
+    limits: Limits,
+    state: ParticleState,
+    k: int,
     dt: float,
     steps: int,
 ) -> None:
-    if box is None:
-        _runge_kutta(drift, damping, place, velocity, dt, steps)
-    else:
-        for _ in range(steps):
-            _runge_kutta(drift, damping, place, velocity, dt, 1)
-            bounce(box, place, velocity)
+    place, velocity, frozen = state.place[k], state.velocity[k], frozen_row(state.frozen, k)
+    for _ in range(steps):
+        before = places_before(limits.mesh, place)
+        _runge_kutta(drift, damping, place, velocity, dt, frozen)
+        bounce(limits.box, place, velocity)
+        freeze(state, k, limits, before)
 
 
 def _push_all(
-    terms: tuple[Drift, Floats, Floats | None],
-    place: Floats,
-    velocity: Floats,
-    dt: float,
-    steps: int,
+    terms: tuple[Drift, Floats, Limits], state: ParticleState, dt: float, steps: int
 ) -> None:
-    """All tasks' points by `steps` steps; terms = (drift, damping, box)."""
-    drift, damping, box = terms
+    """All tasks' points by `steps` steps; terms = (drift, damping, limits)."""
+    drift, damping, limits = terms
 
     def push(k: int) -> None:
-        _push(drift, damping, box, place[k], velocity[k], dt, steps)
+        _push(drift, damping, limits, state, k, dt, steps)
 
-    for_each(place.shape[0], push)
+    for_each(state.place.shape[0], push)
 
 
 def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
@@ -103,7 +119,7 @@ def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
     x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
     y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
     x_all, y_all = (a.ravel() for a in np.meshgrid(x, y))
-    points = np.array([x_all, y_all, np.full(side * side, scene.start.angle)])[:degrees]
+    points = np.array([x_all, y_all, np.full(side * side, scene.start.own_angle)])[:degrees]
     return np.ascontiguousarray(points.reshape(degrees, -1, _POINTS_PER_TASK).transpose(1, 0, 2))
 
 
@@ -121,7 +137,8 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     Raises
     ------
     InputError
-        For a scene with interaction or noise, whose particles are not independent.
+        For a scene with interaction or noise, whose particles are not independent; or a start in a
+        solid or beyond the flow's mesh.
     """
     if not has_exact_reference(scene):
         raise InputError(
@@ -130,32 +147,34 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
             "interaction, noise or start.points",
             "Compare with the microscopic ensemble instead.",
         )
+    require_fitting(scene, flow)
     setup = Setup(scene, terms_of(scene), "accurate", flow, 0, 1)
-    drift, damping, box = scene_drift(setup), scene_rates(setup).damping, scene_limits(setup).box
+    terms = scene_drift(setup), scene_rates(setup).damping, scene_limits(setup)
+    damping = terms[1]
     place = _sample_points(scene, side, damping.size)
-    velocity = np.zeros_like(place)
+    require_start_inside(scene, flow, place[:, 0], place[:, 1])
+    still = np.zeros_like(place)
+    state = ParticleState(
+        place, still, still.copy(), np.empty((1, 0)), None, none_frozen(setup, place)
+    )
     longest = min(_LARGEST_STEP, _LARGEST_DAMPED_STEP / max(float(damping.max()), 1e-9))
-    snapshots, before = [], 0.0
+    snapshots: list[Arrays] = []
+    before = 0.0
     for until in scene.times:
         steps = int(np.ceil((until - before) / longest))
         dt = (until - before) / steps
-        _push_all((drift, damping, box), place, velocity, dt, steps)
-        snapshots.append((place.copy(), velocity.copy()))
+        _push_all(terms, state, dt, steps)
+        snapshots.append(particle_snapshot(state, scene))
         before = until
     return _as_result(scene, snapshots)
 
 
-def _as_result(scene: Scene, snapshots: list[tuple[Floats, Floats]]) -> Result:
-    names = (("x", "velocity_x"), ("y", "velocity_y"), ("angle", "angular_velocity"))
-    degrees = snapshots[0][0].shape[1]
-    variables: dict[str, Floats] = {}
-    for d, (place_name, velocity_name) in enumerate(names):
-        for name, which, still in (
-            (place_name, 0, scene.start.angle),
-            (velocity_name, 1, 0.0),
-        ):
-            arrays = [s[which][:, d] if d < degrees else 0 * s[0][:, 0] + still for s in snapshots]
-            variables[name] = np.array([a.reshape(1, -1) for a in arrays])
+def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
+    """All points as one realisation."""
+    variables = {
+        name: np.array([snapshot[name].reshape(1, -1) for snapshot in snapshots])
+        for name in snapshots[0]
+    }
     return Result(
         scene=scene,
         model="microscopic",

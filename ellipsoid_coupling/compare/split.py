@@ -38,7 +38,7 @@ draws from the pool. With a single realisation no noise is taken out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,10 +120,12 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
     total = result.variables["x"][0].size
     size = group_size * int(np.ceil(total // group_size / MOST_GROUPS))
     count = total // size
-    x, y, angle = (
-        result.variables[name].reshape(times, -1)[:, : count * size].reshape(times, count, size)
-        for name in ("x", "y", "angle")
-    )
+
+    def grouped(values: NDArray[Any]) -> NDArray[Any]:
+        return values.reshape(times, -1)[:, : count * size].reshape(times, count, size)
+
+    x, y, angle = (grouped(result.variables[name]) for name in ("x", "y", "angle"))
+    frozen = None if result.frozen is None else grouped(result.frozen)
     domain = result.scene.domain
     area = domain.width * domain.height / DENSITY_CELLS**2
     density = np.empty((count, times, DENSITY_CELLS**2))
@@ -131,10 +133,12 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
     width = FULL_TURN / ANGLE_BINS
     for k in range(count):
         for t in range(times):
-            found = particle_density(x[t, k], y[t, k], domain.x, domain.y, DENSITY_CELLS)
+            gone = None if frozen is None else frozen[t, k]
+            ranges = domain.x, domain.y, DENSITY_CELLS
+            found = particle_density(x[t, k], y[t, k], *ranges, gone)
             density[k, t] = found.ravel() * area
             turned = angle[t, k] + 0.5 * width  # as in `centred_angles`
-            angles[k, t] = particle_angles(turned, ANGLE_BINS) * width
+            angles[k, t] = particle_angles(turned, ANGLE_BINS, gone) * width
     return Bins(density, angles, size)
 
 

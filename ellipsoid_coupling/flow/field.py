@@ -78,6 +78,30 @@ def _cell(position: float, cells: int) -> int:
 
 
 @inline_kernel
+def in_mesh(flow: FlowArrays, x: float, y: float) -> bool:
+    """`inside` of `sample_flow` alone: whether a point lies in the rectangle and in a cell of the flow."""
+    ny, nx = flow.mask.shape
+    column, row = (x - flow.x0) * flow.inverse_dx, (y - flow.y0) * flow.inverse_dy
+    within = (flow.x_low <= x) & (x <= flow.x_high) & (flow.y_low <= y) & (y <= flow.y_high)
+    inside: bool = within & (flow.mask[_cell(row, ny), _cell(column, nx)] != 0)
+    return inside
+
+
+@inline_kernel
+def nearest(
+    rim: tuple[float, float, float, float] | None, x: float, y: float
+) -> tuple[float, float]:
+    """The nearest point of a rectangle (x_low, x_high, y_low, y_high); the point itself without one.
+
+    The velocity there stays that of the rim, where a cell's continued cubic would grow for ever.
+    """
+    if rim is None:
+        return x, y
+    # In this order: what is no number stays so.
+    return min(max(x, rim[0]), rim[1]), min(max(y, rim[2]), rim[3])
+
+
+@inline_kernel
 def _row(
     c: Array, first: int, t: float, s: float, weights: tuple[float, float, float, float]
 ) -> tuple[float, float, float]:

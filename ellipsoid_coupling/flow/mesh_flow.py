@@ -19,6 +19,7 @@ from scipy.sparse.linalg import spsolve
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.plates import plates, without_plates
 from ellipsoid_coupling.flow.polygons import Edges
 from ellipsoid_coupling.flow.spline import WallVelocity
 from ellipsoid_coupling.flow.stream_function import Patch, given_on_edges, stream_function
@@ -142,7 +143,9 @@ def _made(mesh: MeshFlow, at_points: Array, source: str) -> _Made:
     grid = _resample(mesh, at_points)
     walls = _wall_velocity(mesh, grid)
     psi = _constant_on_walls(grid.psi)
-    field = FlowField.from_stream_function(psi, grid.x, grid.y, source, walls, grid.inside)
+    found = plates(mesh.points, mesh.edges, mesh.patches)
+    inside = without_plates(grid.inside, grid.x, grid.y, found)
+    field = FlowField.from_stream_function(psi, grid.x, grid.y, source, walls, inside)
     sample = field.evaluate(mesh.centres[:, 0], mesh.centres[:, 1])
     found = np.stack((sample.velocity_x, sample.velocity_y), axis=-1)
     speed = float(np.linalg.norm(mesh.velocity))

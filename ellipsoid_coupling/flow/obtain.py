@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError, WriteError
 from ellipsoid_coupling.flow.field import FlowField
@@ -24,9 +25,20 @@ SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
     "field.py", "foam_case.py", "foam_entries.py", "foam_fields.py", "foam_files.py",
-    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "polygons.py",
+    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "plates.py", "polygons.py",
     "reader.py", "spline.py", "stream_function.py",
 )  # fmt: skip
+
+
+class Wanted(NamedTuple):
+    """Which flow a user asks for.
+
+    path : of a solved case, or of what `flow_at` reads; None for the scene's own
+    allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
+    """
+
+    path: Path | None = None
+    allow_misfit: bool = False
 
 
 def obtain_flow(

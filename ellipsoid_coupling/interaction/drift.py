@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.flow.field import FlowArrays, sample_flow
+from ellipsoid_coupling.flow.field import FlowArrays, nearest, sample_flow
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
 from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
@@ -23,6 +23,8 @@ from ellipsoid_coupling.physics.jeffery import jeffery
 from ellipsoid_coupling.tuples import Rows, each, load, rows_at, store
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
+Rim = tuple[float, float, float, float]
 
 
 class Drift(NamedTuple):
@@ -41,6 +43,9 @@ class Drift(NamedTuple):
         Interaction with each other and, inside it, with the walls' ghost particles.
     stiffness, amplitude : float or None
         Of V1 and V2.
+    rim : (x_low, x_high, y_low, y_high) or None
+        The flow's rectangle, where particles can leave it: a place beyond feels the fluid at the
+        nearest point.
     """
 
     flow: FlowArrays | None
@@ -50,6 +55,7 @@ class Drift(NamedTuple):
     pairs: Pairs | None
     stiffness: float | None
     amplitude: float | None
+    rim: Rim | None = None
 
 
 @kernel
@@ -77,13 +83,15 @@ def _set_fluid_rows(
     axis: Rows,
     force: Rows,
     count: int,
+    rim: Rim | None,
 ) -> int:
     """Overwrite the forces of some particles with the fluid's; `axis` is () where nothing turns."""
     outside = 0
     # Not by whole vectors: under an `if`, LLVM does not gather the mask, and goes one by one.
     for i in range(count):
         here = load(place, i)
-        ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow, here[0], here[1])
+        x, y = nearest(rim, here[0], here[1])
+        ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow, x, y)
         outside += not inside
         turned = load(axis, i)
         gradient = dux_dx, dux_dy, duy_dx
@@ -123,7 +131,9 @@ def _set_fluid(
     at, count = rows_at(place, (0, 1), first), end - first
     if angular_drag is None:
         drags = drift.drag, 0.0
-        return _set_fluid_rows(flow, drags, 0.0, at, (), rows_at(force, (0, 1), first), count)
+        return _set_fluid_rows(
+            flow, drags, 0.0, at, (), rows_at(force, (0, 1), first), count, drift.rim
+        )
     return _set_fluid_rows(
         flow,
         (drift.drag, angular_drag),
@@ -132,13 +142,44 @@ def _set_fluid(
         rows_at(axis, (0, 1), first),
         rows_at(force, (0, 1, 2), first),
         count,
+        drift.rim,
     )
 
 
 @kernel
-def _add_pairs(pairs: Pairs | None, place: Floats, axis: Floats, force: Floats) -> None:
+def _add_pairs(
+    pairs: Pairs | None, place: Floats, axis: Floats, force: Floats, frozen: Flags | None
+) -> None:
     if pairs is not None:
+        _add_moving_pairs(pairs, place, axis, force, frozen)
+
+
+@kernel
+def _add_moving_pairs(
+    pairs: Pairs, place: Floats, axis: Floats, force: Floats, frozen: Flags | None
+) -> None:
+    """The pairs of those that move; most often that is all."""
+    if frozen is None:
         add_pair_forces(place, axis, pairs, force)
+    else:
+        moving = np.flatnonzero(frozen == 0)
+        if moving.size == frozen.size:
+            add_pair_forces(place, axis, pairs, force)
+        elif moving.size > 0:
+            some = np.zeros((force.shape[0], moving.size))
+            add_pair_forces(place[:, moving], axis[:, moving], pairs, some)
+            for d in range(force.shape[0]):
+                for m in range(moving.size):
+                    force[d, moving[m]] += some[d, m]
+
+
+@kernel
+def still_frozen(frozen: Flags | None, force: Floats) -> None:
+    """Set the forces (D, N) of frozen particles to 0."""
+    if frozen is not None:
+        for d in range(force.shape[0]):
+            for i in range(force.shape[1]):
+                force[d, i] = force[d, i] if frozen[i] == 0 else 0.0
 
 
 @kernel
@@ -185,7 +226,7 @@ def own_forces(
 
 
 @kernel
-def particle_forces(drift: Drift, place: Floats, force: Floats) -> int:
+def particle_forces(drift: Drift, place: Floats, force: Floats, frozen: Flags | None = None) -> int:
     """Set the drift of all particles of one realisation.
 
     Parameters
@@ -195,15 +236,18 @@ def particle_forces(drift: Drift, place: Floats, force: Floats) -> int:
         x, y and, where something turns, the angle.
     force : (D, N)
         Overwritten, per mass and per inertia.
+    frozen : (N,) uint8 or None
+        1 for particles that feel nothing and act on nobody; None where there are none.
 
     Returns
     -------
     int
-        How many particles lie outside the flow.
+        How many particles lie outside the flow; with a `rim`, in a solid.
     """
     axis = np.empty((2, place.shape[1]))
     all_of_them = 0, place.shape[1]
     set_axes(place, axis, all_of_them)
     outside = own_forces(drift, place, axis, force, all_of_them)
-    _add_pairs(drift.pairs, place, axis, force)
+    _add_pairs(drift.pairs, place, axis, force, frozen)
+    still_frozen(frozen, force)
     return outside

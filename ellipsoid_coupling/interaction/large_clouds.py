@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.cells import RECORD, CellGrid, Sources, sort_into
-from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes
+from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes, still_frozen
 from ellipsoid_coupling.interaction.pairs import Pairs, RowSums, add_sums, sum_rows
 from ellipsoid_coupling.kernels import for_each, kernel, shares
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.uint8]
 
 # From so many particles on a realisation has all threads; with fewer, realisations share them.
 LEAST_LARGE = 5000
@@ -47,8 +48,8 @@ class LargeCloud:
         self._outside = np.zeros(len(self._parts), np.int64)
         self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
 
-    def set_forces(self, place: Floats, force: Floats) -> int:
-        """Overwrite the drift (1, D, N) at `place`; returns how many particles lie outside the flow."""
+    def set_forces(self, place: Floats, force: Floats, frozen: Flags | None = None) -> int:
+        """Overwrite the drift (1, D, N) at `place`; returns as `particle_forces`, whose `frozen` it is."""
 
         def own(part: int) -> None:
             self._outside[part] = _part_forces(
@@ -57,15 +58,29 @@ class LargeCloud:
 
         for_each(len(self._parts), own)
         if self._sum is not None:
-            self._sum.add(place[0], self._axis, force[0])
+            self._add_pairs(self._sum, place[0], force[0], frozen)
+        still_frozen(frozen, force[0])
         return int(self._outside.sum())
+
+    def _add_pairs(
+        self, pair_sum: PairSum, place: Floats, force: Floats, frozen: Flags | None
+    ) -> None:
+        moving = None if frozen is None or not frozen.any() else np.flatnonzero(frozen == 0)
+        if moving is None:
+            pair_sum.add(place, self._axis, force)
+        elif moving.size:
+            some = np.zeros((len(force), moving.size))
+            axis = np.ascontiguousarray(self._axis[:, moving])
+            fewer = PairSum(pair_sum.pairs, moving.size)
+            fewer.add(np.ascontiguousarray(place[:, moving]), axis, some)
+            force[:, moving] += some
 
 
 class PairSum:
     """The pair sums of `number` particles on all threads; `add_pair_forces` is its twin on one."""
 
     def __init__(self, pairs: Pairs, number: int) -> None:
-        self._pairs = pairs
+        self.pairs = pairs
         cells = pairs.grid.columns * pairs.grid.rows
         self._sources = Sources(np.empty((number, RECORD)), np.empty(cells + 1, np.int64))
         self._rank = np.empty(number, np.int64)
@@ -74,7 +89,7 @@ class PairSum:
 
     def add(self, place: Floats, axis: Floats, force: Floats) -> None:
         """Add the sums at places (D, N) with axes (2, N) to the drift (D, N)."""
-        pairs, sources, own, rank = self._pairs, self._sources, self._own, self._rank
+        pairs, sources, own, rank = self.pairs, self._sources, self._own, self._rank
         sort_into(place[0], place[1], axis[0], axis[1], pairs.grid, sources, rank)
         blocks = list(pairwise(row_blocks(sources, pairs.grid)))
         above: list[RowSums | None] = [None] * len(blocks)

@@ -7,6 +7,7 @@ import pkgutil
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models.base import Arrays, Health, Model, SchemeName, Setup
+from ellipsoid_coupling.models.fitting import require_fitting
 from ellipsoid_coupling.models.memory import require_memory
 
 __all__ = [
@@ -83,4 +84,5 @@ def build_model(name: str, setup: Setup) -> Model:
         As `require_fit`, or for a flow that the scene does not fit.
     """
     require_fit(name, setup)
+    require_fitting(setup.scene, setup.flow)
     return _classes()[name](name, setup)

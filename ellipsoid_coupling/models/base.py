@@ -35,7 +35,7 @@ class Health(NamedTuple):
     Attributes
     ----------
     mass : float
-        Of all that is inside; 1 for particles, of which none is lost.
+        Of all that is inside; of particles, the part that has not left the flow's mesh.
     least_density : float
         0 for particles.
     speeds : (float, float)

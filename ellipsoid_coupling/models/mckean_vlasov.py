@@ -31,13 +31,18 @@ from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.kernels import for_each
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    freeze_again,
+    none_frozen,
+    particle_counts,
     particle_health,
     particle_snapshot,
     particle_spot,
     random_points,
+    require_none_left,
     scene_drift,
     scene_limits,
     scene_rates,
+    silence,
     start_at_rest,
 )
 from ellipsoid_coupling.models.spot import Spot
@@ -46,17 +51,11 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces
-from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
-from ellipsoid_coupling.schemes.step_control import (
-    GIVEN,
-    OUTSIDE,
-    STATUS,
-    TIME,
-    new_clock,
-    step_log,
-)
+from ellipsoid_coupling.schemes.status import MEANING, RUNNING
+from ellipsoid_coupling.schemes.step_control import GIVEN, STATUS, TIME, new_clock
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
 
 # Without noise a call of `advance` may take any number of steps; a few show progress often enough.
 _STEPS_PER_CALL = 8
@@ -90,7 +89,8 @@ def start_state(setup: Setup) -> ParticleState:
         points = even_points(scene, scene.particles.number * realisations)
     place, velocity = start_at_rest(setup, points)
     clock = new_clock(1, scene.numerics.time_step, GIVEN)
-    return ParticleState(place, velocity, velocity.copy(), clock, None)
+    frozen = none_frozen(setup, place)
+    return ParticleState(place, velocity, velocity.copy(), clock, None, frozen)
 
 
 def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePairs | None:
@@ -114,10 +114,21 @@ def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePair
 def _interact(
     interaction: SampleInteraction | SamplePairs,
     weights: tuple[float, float],
+    frozen: Flags | None,
     place: Floats,
     force: Floats,
 ) -> int:
-    interaction.add_forces(place, weights, force)
+    """Add what those that have not left the flow's mesh do to each other; each keeps its mass."""
+    if frozen is None or not frozen.any():
+        interaction.add_forces(place, weights, force)
+        return 0
+    moving = frozen == 0
+    if moving.any():
+        part = np.count_nonzero(moving) / moving.size
+        some = np.ascontiguousarray(place.swapaxes(0, 1)[:, moving])[None]
+        felt = np.zeros_like(some)
+        interaction.add_forces(some, (part * weights[0], part * weights[1]), felt)
+        force.swapaxes(0, 1)[:, moving] += felt[0]
     return 0
 
 
@@ -142,7 +153,9 @@ class McKeanVlasov:
         alone = Alone(drift._replace(pairs=None), drift.pairs)
         # Not a method: a model that refers to itself keeps its memory until the garbage is collected.
         acting = self._interaction
-        together = None if acting is None else partial(_interact, acting, weights)
+        together = (
+            None if acting is None else partial(_interact, acting, weights, self._state.frozen)
+        )
         self._forces = Forces(alone, together, KeptArrays())
         self._blocks = np.zeros(1, np.int64)
 
@@ -177,13 +190,12 @@ class McKeanVlasov:
 
         for_each(realisations, draw)
         self._blocks += 1
+        silence(self._state, noise)
         return noise
 
     def _check(self) -> None:
-        clock = self._state.clock[0]
-        status = int(clock[STATUS])
-        if self._setup.terms.reflection and self._setup.terms.flow and clock[OUTSIDE] > 0:
-            status = status if status != RUNNING else LEFT_FLOW
+        require_none_left(self._state, self._setup, self.name)
+        status = int(self._state.clock[0, STATUS])
         if status != RUNNING:
             what, remedy = MEANING[status]
             raise RunError(
@@ -212,6 +224,7 @@ class McKeanVlasov:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+        freeze_again(self._state, self._setup.flow)
 
     def spot(self) -> Spot:
         """The particle that is pulled hardest."""
@@ -223,14 +236,9 @@ class McKeanVlasov:
 
     def counts(self) -> Counts:
         """The steps, samples and harmonics."""
-        clock = self._state.clock[0]
-        return step_log(self._state.clock) | {
+        return particle_counts(self._state) | {
             "samples": float(self._state.place[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
-            "particles_outside_flow": float(clock[OUTSIDE]),
-            "mass_start": 1.0,
-            "mass_end": 1.0,
-            "mass_left": 0.0,
         }
 
     def coordinates(self) -> dict[str, Floats]:

@@ -8,6 +8,7 @@ domega = [gamma_bar (g - omega) - 1/(I_c N) sum_j dU/dtheta - dV2/dtheta - (B^2/
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -18,13 +19,18 @@ from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE, LargeCloud
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import (
+    freeze_again,
+    none_frozen,
+    particle_counts,
     particle_health,
     particle_snapshot,
     particle_spot,
     random_points,
+    require_none_left,
     scene_drift,
     scene_limits,
     scene_rates,
+    silence,
     start_at_rest,
 )
 from ellipsoid_coupling.models.spot import Spot
@@ -32,15 +38,8 @@ from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
 from ellipsoid_coupling.schemes.particles.state import ParticleState
 from ellipsoid_coupling.schemes.particles.together import TOGETHER, Forces
-from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
-from ellipsoid_coupling.schemes.step_control import (
-    GIVEN,
-    OUTSIDE,
-    STATUS,
-    TIME,
-    new_clock,
-    step_log,
-)
+from ellipsoid_coupling.schemes.status import MEANING
+from ellipsoid_coupling.schemes.step_control import GIVEN, STATUS, TIME, new_clock
 
 Floats = NDArray[np.float64]
 
@@ -57,14 +56,16 @@ def start_state(setup: Setup) -> ParticleState:
     scene, realisations = setup.scene, setup.realisations
     place, velocity = start_at_rest(setup, random_points(scene, setup.seed, realisations))
     clock = new_clock(realisations, scene.numerics.time_step, GIVEN)
-    return ParticleState(place, velocity, velocity.copy(), clock, None)
+    frozen = none_frozen(setup, place)
+    return ParticleState(place, velocity, velocity.copy(), clock, None, frozen)
 
 
 def one_of(state: ParticleState, k: int) -> ParticleState:
     """Realisation k, as views."""
     noise = None if state.noise is None else state.noise[k : k + 1]
+    frozen = None if state.frozen is None else state.frozen[k : k + 1]
     place, velocity, force, clock = (array[k : k + 1] for array in state[:4])
-    return ParticleState(place, velocity, force, clock, noise)
+    return ParticleState(place, velocity, force, clock, noise, frozen)
 
 
 class Microscopic:
@@ -104,9 +105,12 @@ class Microscopic:
             self._stepper.advance(state, self._drift, rates, limits, until, steps)
         else:
             together = TOGETHER[self._setup.scheme]
-            forces = Forces(None, self._large.set_forces, self._room)
             for k in range(state.place.shape[0]):
-                together.advance(one_of(state, k), forces, rates, limits, until, steps)
+                one = one_of(state, k)
+                frozen = None if one.frozen is None else one.frozen[0]
+                acting = partial(self._large.set_forces, frozen=frozen)
+                forces = Forces(None, acting, self._room)
+                together.advance(one, forces, rates, limits, until, steps)
         self._check()
 
     def _steps_per_call(self) -> int:
@@ -128,13 +132,13 @@ class Microscopic:
             block = int(self._blocks[k])
             noise[k] = gaussian_block(self._setup.seed, int(k), block, components, number)
             self._blocks[k] += 1
+        silence(self._state, noise)
         return noise
 
     def _check(self) -> None:
+        require_none_left(self._state, self._setup, self.name)
         clock = self._state.clock
-        status = clock[:, STATUS].copy()
-        if self._setup.terms.reflection and self._setup.terms.flow:
-            status[(status == RUNNING) & (clock[:, OUTSIDE] > 0)] = LEFT_FLOW
+        status = clock[:, STATUS]
         if not status.any():
             return
         worst = int(np.flatnonzero(status)[0])
@@ -164,6 +168,7 @@ class Microscopic:
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
+        freeze_again(self._state, self._setup.flow)
 
     def spot(self) -> Spot:
         """The particle that is pulled hardest."""
@@ -174,14 +179,8 @@ class Microscopic:
         return particle_health(self._state, self._limits.box)
 
     def counts(self) -> Counts:
-        """The steps and the mass, which particles keep."""
-        clock = self._state.clock
-        return step_log(clock) | {
-            "particles_outside_flow": float(clock[:, OUTSIDE].sum()),
-            "mass_start": 1.0,
-            "mass_end": 1.0,
-            "mass_left": 0.0,
-        }
+        """The steps and the mass."""
+        return particle_counts(self._state)
 
     def coordinates(self) -> dict[str, Floats]:
         """Realisations and particles are plain counts."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.flow import FlowArrays, FlowField
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs import Pairs
-from ellipsoid_coupling.models.base import Arrays, Health, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.fitting import can_be_left, rectangle, require_start_inside
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -18,9 +20,11 @@ from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
 from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.schemes.step_control import TIME, step_log
 from ellipsoid_coupling.schemes.survey import survey_particles
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
 
 
 def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
@@ -79,7 +83,14 @@ def scene_drift(setup: Setup) -> Drift:
         pairs=scene_pairs(scene, terms.torque),
         stiffness=outer.stiffness if outer else None,
         amplitude=angular.amplitude if angular and terms.angle else None,
+        rim=mesh[5:9] if (mesh := scene_mesh(setup)) is not None else None,
     )
+
+
+def scene_mesh(setup: Setup) -> FlowArrays | None:
+    """The flow, if particles can leave its mesh; None where they cannot."""
+    flow = setup.flow
+    return flow.arrays if flow is not None and can_be_left(setup.scene, flow) else None
 
 
 def scene_rates(setup: Setup) -> Rates:
@@ -98,12 +109,16 @@ def scene_rates(setup: Setup) -> Rates:
 
 
 def scene_limits(setup: Setup) -> Limits:
-    """Step size, tolerance and reflecting box of the particle steppers."""
+    """Step size, tolerance, reflecting box and mesh that can be left, of the particle steppers."""
     numerics, domain = setup.scene.numerics, setup.scene.domain
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])
     box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
     return Limits(
-        numerics.time_step, numerics.tolerance, scale[: 3 if setup.terms.angle else 2], box
+        numerics.time_step,
+        numerics.tolerance,
+        scale[: 3 if setup.terms.angle else 2],
+        box,
+        mesh=scene_mesh(setup),
     )
 
 
@@ -121,17 +136,82 @@ def start_at_rest(setup: Setup, points: Floats) -> tuple[Floats, Floats]:
     """Places (blocks, D, n) and velocities 0 of particles at `points` (blocks, 2, n).
 
     With start.points these are where all realisations start, whatever `points` are.
+
+    Raises
+    ------
+    InputError
+        If one starts in a solid or beyond the flow's mesh.
     """
     start = setup.scene.start
     places = np.array(start.places())
     if places.size:
         points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
+    require_start_inside(setup.scene, setup.flow, points[:, 0], points[:, 1])
     blocks, _, size = points.shape
     place = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
     place[:, :2] = points
     if places.size:
         place[:, 2:] = places[:, 2]
     return place, np.zeros_like(place)
+
+
+def none_frozen(setup: Setup, place: Floats) -> Flags | None:
+    """The flags (blocks, n) of particles at `place` (blocks, D, n), none of which has left the mesh."""
+    if scene_mesh(setup) is None:
+        return None
+    return np.zeros((place.shape[0], place.shape[2]), np.uint8)
+
+
+def freeze_again(state: ParticleState, flow: FlowField | None) -> None:
+    """Set the flags of a restored state: who has left the mesh lies outside of it, all others inside."""
+    if state.frozen is not None and flow is not None:
+        state.frozen[...] = ~flow.evaluate(state.place[:, 0], state.place[:, 1]).inside
+
+
+def silence(state: ParticleState, noise: Floats) -> None:
+    """Take the noise (blocks, steps, components, n) of frozen particles out, in place."""
+    if state.frozen is not None:
+        np.moveaxis(noise, -1, 1)[state.frozen != 0] = 0.0
+
+
+def frozen_part(state: ParticleState) -> float:
+    """The part of all particles that has left the flow's mesh."""
+    return (
+        0.0 if state.frozen is None else float(np.count_nonzero(state.frozen) / state.frozen.size)
+    )
+
+
+def particle_counts(state: ParticleState) -> Counts:
+    """The steps, how many particles have left the flow's mesh, and the mass, which these take along."""
+    left = frozen_part(state)
+    return step_log(state.clock) | {
+        "particles_outside_flow": 0.0 if state.frozen is None else float(state.frozen.sum()),
+        "mass_start": 1.0,
+        "mass_end": 1.0 - left,
+        "mass_left": left,
+    }
+
+
+def require_none_left(state: ParticleState, setup: Setup, name: str) -> None:
+    """Where the scene reflects, nothing may leave the flow's mesh.
+
+    Raises
+    ------
+    RunError
+        With the place of the first particle that has.
+    """
+    if not setup.terms.reflection or state.frozen is None or not state.frozen.any():
+        return
+    assert setup.flow is not None
+    block, i = (int(index) for index in np.argwhere(state.frozen)[0])
+    x, y = (float(value) for value in state.place[block, :2, i])
+    row = block if len(state.clock) > 1 else 0
+    raise RunError(
+        f"{setup.scene.name}, {name}, realisation {block}, t = {state.clock[row, TIME]:.6g}: "
+        f"a particle has left the flow at ({x:.6g}, {y:.6g}). Its mesh lies in "
+        f"{rectangle(setup.flow)}, less the solids in it, which do not reflect. "
+        'Use a smaller time step, a flow without solids, or domain.boundary = "open".'
+    )
 
 
 def _still_angles(scene: Scene) -> Floats | float:
@@ -143,7 +223,8 @@ def _still_angles(scene: Scene) -> Floats | float:
 def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
     """x, y, angle, velocity_x, velocity_y, angular_velocity, each a copy (R, N).
 
-    Where nothing turns, the angle is that of the start and the angular velocity 0.
+    Where nothing turns, the angle is that of the start and the angular velocity 0. Where the flow's
+    mesh can be left, `frozen` is 1 for those that have.
     """
     place, velocity = state.place, state.velocity
     turns = place.shape[1] == 3
@@ -155,6 +236,7 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
         "velocity_x": velocity[:, 0].copy(),
         "velocity_y": velocity[:, 1].copy(),
         "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
+        **({} if state.frozen is None else {"frozen": state.frozen.astype(np.float64)}),
     }
 
 
@@ -182,7 +264,7 @@ def particle_health(state: ParticleState, box: Floats | None) -> Health:
     """Of all realisations together, between the walls `box` of `Limits`."""
     place, velocity, force = state[:3]
     v, omega, pull, torque, outside = survey_particles(place, velocity, force, box)
-    return Health(1.0, 0.0, (v, omega), (pull, torque), outside)
+    return Health(1.0 - frozen_part(state), 0.0, (v, omega), (pull, torque), outside)
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

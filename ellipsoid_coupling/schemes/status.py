@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-RUNNING, LEFT_FLOW, NOT_FINITE, STEP_TOO_SMALL = range(4)
+RUNNING, NOT_FINITE, STEP_TOO_SMALL = range(3)
 
 MEANING = {
-    LEFT_FLOW: (
-        "a particle left the region where the flow is known",
-        "Use a flow that covers the domain, or a smaller time step.",
-    ),
     NOT_FINITE: (
         "the solution is no longer finite",
         "Use a smaller time step, tolerance or CFL number; `accurate` bears more than `paper`.",

@@ -54,10 +54,13 @@ def ellipse_figure(
     chosen = thinned(number, most)
     for i, (time, panel) in enumerate(zip(result.times, axes, strict=True)):
         show_domain(panel, extent)
-        _add_ellipses(panel, result, (i, realisation), chosen)
+        gone = result.frozen
+        left = np.zeros(number, np.bool_) if gone is None else gone[i, realisation]
+        _add_ellipses(panel, result, (i, realisation), chosen[~left[chosen]])
         if flow is not None:
             add_arrows(panel, flow, extent, colour="0.8", count=16)
-        panel.set(xlabel="x", title=time_title(time))
+        told = f"\n{left.sum()} have left the flow" if left.any() else ""
+        panel.set(xlabel="x", title=f"{time_title(time)}{told}")
     axes[0].set_ylabel("y")
     part = f"{chosen.size} of " if chosen.size < number else ""
     shown = f"{part}{number} particles"
@@ -107,6 +110,8 @@ def draw_ellipses(
     title: str = "",
 ) -> Path:
     """Ellipses of full length L and full width D, one panel a saved time.
+
+    Particles that have left the flow's mesh are not shown; the panel says how many.
 
     Parameters
     ----------

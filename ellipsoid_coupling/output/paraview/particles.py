@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.output.paraview.series import vectors
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import FROZEN, MARKS, Result
 
 if TYPE_CHECKING:
     import pyvista
@@ -76,6 +76,7 @@ def particle_arrays(result: Result, index: int, realisation: int | None) -> dict
         "velocity": vectors(flat["velocity_x"], flat["velocity_y"]),
         "angular_velocity": flat["angular_velocity"],
         "realisation": np.repeat(np.arange(count)[chosen], number),
+        **{name: flat[name] for name in MARKS["particles"] if name in flat},
     }
 
 
@@ -89,10 +90,16 @@ def particle_points(
 
 
 def particle_ellipses(result: Result, realisation: int) -> Iterator[tuple[float, pyvista.PolyData]]:
-    """(time, polygons) of one realisation: 32 corners on each particle's ellipse."""
+    """(time, polygons) of one realisation: 32 corners on each particle's ellipse.
+
+    Without those that have left the flow's mesh.
+    """
     size = (result.scene.particles.length, result.scene.particles.width)
     for index, time in enumerate(result.times):
         arrays = particle_arrays(result, index, realisation)
+        if FROZEN in arrays:
+            kept = arrays.pop(FROZEN) == 0.0
+            arrays = {name: values[kept] for name, values in arrays.items()}
         outlines = ellipse_outlines(arrays.pop("x"), arrays.pop("y"), arrays["angle"], size)
         del arrays["scale"]
         yield float(time), polygons(outlines, arrays)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import for_each, inline_kernel, kernel
+from ellipsoid_coupling.schemes.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.schemes.particles.state import (
     ANGLE,
     Limits,
@@ -310,7 +311,8 @@ def _try_step(
 ) -> tuple[float, int]:
     """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
     predict_step(state, k, noise, rates, limits, trial, dt)
-    state.clock[k, OUTSIDE] = particle_forces(drift, trial.folded, trial.force)
+    frozen = frozen_row(state.frozen, k)
+    state.clock[k, OUTSIDE] = particle_forces(drift, trial.folded, trial.force, frozen)
     squares = np.empty(state.place.shape[1])
     squared_errors(state, k, rates, limits, trial, dt, squares)
     return largest_error(squares, limits.tolerance)
@@ -327,11 +329,13 @@ def accept_step(
     dt: float,
 ) -> None:
     """Finish the step of realisation k that `trial` predicts, in place."""
+    before = places_before(limits.mesh, state.place[k])
     for d in range(state.place.shape[1]):
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
         _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])
     bounce(limits.box, state.place[k], state.velocity[k])
+    freeze(state, k, limits, before)
 
 
 @kernel
@@ -362,7 +366,8 @@ def _advance_one(
     shape = state.place[k].shape
     trial = Trial(np.empty(shape), np.empty(shape), np.ones(shape), np.empty(shape))
     if clock[STEPS] == 0.0:
-        clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
+        frozen = frozen_row(state.frozen, k)
+        clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k], frozen)
     for step in range(steps):
         remaining = until - clock[TIME]
         if remaining <= 0.0 or clock[STATUS] != RUNNING:

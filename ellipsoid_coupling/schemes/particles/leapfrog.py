@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.kernels import for_each, kernel
+from ellipsoid_coupling.schemes.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.schemes.particles.state import (
     Limits,
     ParticleState,
@@ -67,10 +68,12 @@ def _drift(place: Floats, velocity: Floats, dt: float) -> None:
 def move(state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float) -> None:
     """One step of realisation k in the drift `state.force`, noise row `step`, in place."""
     place, velocity = state.place[k], state.velocity[k]
+    before = places_before(limits.mesh, place)
     _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
     _drift(place, velocity, dt)
     bounce(limits.box, place, velocity)
+    freeze(state, k, limits, before)
 
 
 @kernel
@@ -78,7 +81,9 @@ def _step(
     state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
 ) -> None:
     clock = state.clock[k]
-    clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
+    clock[OUTSIDE] = particle_forces(
+        drift, state.place[k], state.force[k], frozen_row(state.frozen, k)
+    )
     move(state, k, step, rates, limits, dt)
     if not all_finite(state.place[k]):
         clock[STATUS] = NOT_FINITE

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.field import FlowArrays
 from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import kernel
 
@@ -29,6 +30,8 @@ class ParticleState(NamedTuple):
         See `schemes.step_control`.
     noise : (R, steps, components, N) or None
         Standard normal numbers; None without noise.
+    frozen : (R, N) uint8 or None
+        1 for particles that have left the flow's mesh; None where none can.
     """
 
     place: Floats
@@ -36,6 +39,7 @@ class ParticleState(NamedTuple):
     force: Floats
     clock: Floats
     noise: Floats | None
+    frozen: NDArray[np.uint8] | None = None
 
 
 class Rates(NamedTuple):
@@ -68,12 +72,15 @@ class Limits(NamedTuple):
         The particle's length L for positions, 1 radian for the angle.
     box : (2, 2) float64 or None
         [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
+    mesh : FlowArrays or None
+        The flow whose mesh particles can leave, see `frozen`; None where none can.
     """
 
     step: float
     tolerance: float
     scale: Floats
     box: Floats | None
+    mesh: FlowArrays | None = None
 
 
 @kernel

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.cells import Sources
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.drift import Drift, particle_forces, still_frozen
 from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.pairs import Pairs
@@ -32,6 +32,7 @@ from ellipsoid_coupling.schemes.particles.exponential import (
     squared_errors,
     step_factor,
 )
+from ellipsoid_coupling.schemes.particles.frozen import frozen_row
 from ellipsoid_coupling.schemes.particles.state import (
     Limits,
     ParticleState,
@@ -55,6 +56,7 @@ from ellipsoid_coupling.sharing import pack, signed, unpack
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.uint8]
 
 # Fewer samples in a few blocks take no longer on one thread, for which nothing more is to be compiled.
 _LEAST_SAMPLES, _FEW_BLOCKS = 2000, 8
@@ -78,7 +80,8 @@ class Forces(NamedTuple):
     alone : Alone or None
     together : (place, force) -> int, or None
         Adds what they do to each other to the drift (K, D, B) at `place`; overwrites it where `alone`
-        is None. Returns how many samples it finds outside the flow. None without interaction.
+        is None, and leaves frozen samples out. Returns how many samples it finds outside the flow.
+        None without interaction.
     room : KeptArrays
         Memory for a step's work arrays, kept from call to call.
     """
@@ -116,12 +119,13 @@ class Together(NamedTuple):
 
 
 @kernel
-def _set_alone(alone: Alone | None, place: Floats, force: Floats) -> int:
+def _set_alone(alone: Alone | None, place: Floats, force: Floats, frozen: Flags | None) -> int:
     """Overwrite the drift (D, B) of one block; returns how many samples lie outside the flow."""
     if alone is None:
         return 0
     outside = particle_forces(alone.drift, place, force)
     _add_walls(alone.pairs, place, force)
+    still_frozen(frozen, force)
     return outside
 
 
@@ -138,15 +142,16 @@ def _add_ghosts(ghosts: Sources | None, pairs: Pairs, place: Floats, force: Floa
 
 
 @kernel
-def _set_block(k: int, alone: Alone | None, place: Floats, force: Floats, outside: Indices) -> None:
-    outside[k] = _set_alone(alone, place[k], force[k])
+def _set_block(k: int, alone: Alone | None, state: ParticleState, outside: Indices) -> None:
+    frozen = frozen_row(state.frozen, k)
+    outside[k] = _set_alone(alone, state.place[k], state.force[k], frozen)
 
 
-def set_forces(forces: Forces, place: Floats, force: Floats) -> int:
-    """Set the drift (K, D, B) at `place`; returns how many samples lie outside the flow."""
-    outside = np.zeros(place.shape[0], np.int64)
-    for_each(len(place), lambda k: _set_block(k, forces.alone, place, force, outside))
-    return int(outside.sum()) + _add_together(forces, place, force)
+def set_forces(forces: Forces, state: ParticleState) -> int:
+    """Set the drift of all samples at their places; returns how many lie outside the flow."""
+    outside = np.zeros(len(state.place), np.int64)
+    for_each(len(outside), lambda k: _set_block(k, forces.alone, state, outside))
+    return int(outside.sum()) + _add_together(forces, state.place, state.force)
 
 
 def _add_together(forces: Forces, place: Floats, force: Floats) -> int:
@@ -188,7 +193,8 @@ def _leap(
     sets, moves = parts
     outside, finite = found
     if sets:
-        outside[k] = _set_alone(alone, state.place[k], state.force[k])
+        frozen = frozen_row(state.frozen, k)
+        outside[k] = _set_alone(alone, state.place[k], state.force[k], frozen)
     if moves:
         leapfrog.move(state, k, step, rates, limits, dt)
         finite[k] = all_finite(state.velocity[k])
@@ -308,7 +314,8 @@ def _step(
     if next_dt > 0.0:
         noise = noise_rows(state.noise, k, step + 1)
         predict_step(state, k, noise, rates, limits, here, next_dt)
-        found.outside[k] = _set_alone(found.alone, here.folded, here.force)
+        frozen = frozen_row(state.frozen, k)
+        found.outside[k] = _set_alone(found.alone, here.folded, here.force, frozen)
         _measure_one(found.squares, state, k, rates, limits, here, next_dt)
 
 
@@ -379,7 +386,7 @@ def advance_exponential(
     clock = state.clock[0]
     parts = _Exponential(state, forces, rates, limits)
     if clock[STEPS] == 0.0:
-        clock[OUTSIDE] = set_forces(forces, state.place, state.force)
+        clock[OUTSIDE] = set_forces(forces, state)
     dt, predicted = _next_step(clock, until), False
     for step in range(steps):
         if dt == 0.0 or clock[STATUS] != RUNNING:

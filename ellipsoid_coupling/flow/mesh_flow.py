@@ -48,7 +48,6 @@ class MeshFlow:
 
     points : (P, 2), the mesh points of one plane
     edges : between them
-    psi : (P,), OpenFOAM's stream function there; None if the case has none
     centres : (C, 2) of the cells;  velocity : (C, 2) in them
     patches : by name, without the empty ones
     contains : whether points (n, 2) lie in the mesh, (n,)
@@ -58,7 +57,6 @@ class MeshFlow:
 
     points: Array
     edges: Edges
-    psi: Array | None
     centres: Array
     velocity: Array
     patches: Mapping[str, Patch]
@@ -77,20 +75,13 @@ class _Grid(NamedTuple):
     inside: NDArray[np.bool_]
 
 
-class _Made(NamedTuple):
-    """A field, how far it is off U in the cells (rms / rms), and in words where it comes from."""
-
-    field: FlowField
-    misfit: float
-    source: str
-
-
 def flow_field(mesh: MeshFlow, *, allow_misfit: bool = False) -> FlowField:
     """The divergence-free field of a solved plane case, walls honoured.
 
-    The stream function is the one that fits U best, or OpenFOAM's, which is that of the conservative
-    face fluxes, where it is there and its field fits no worse. `origin` says which, and how far the
-    field that is used, its walls included, is off U.
+    The stream function is the one that fits U best, see `stream_function`. OpenFOAM's own is not
+    used: it is wrong where no face of the boundary is without flux and at single points of other
+    meshes, and where it is right, the fit is nearer to the flow on a finer mesh. `origin` says how
+    far the field, its walls included, is off U.
 
     Raises InputError for a velocity that is not finite, or that the field is more than
     `LARGEST_MISFIT` off, unless that is allowed.
@@ -101,56 +92,37 @@ def flow_field(mesh: MeshFlow, *, allow_misfit: bool = False) -> FlowField:
             mesh.where, "finite values of U", f"{bad} NaN or infinite ones",
             "Solve the case again; its run has diverged.",
         )  # fmt: skip
-    best = _best(mesh)
-    told = f"{mesh.origin}, {best.source}, {_percent(best.misfit)} off U (rms)"
-    slip = _slip(mesh, best.field)
+    psi = stream_function(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.patches)
+    grid = _resample(mesh, psi)
+    walls = _wall_velocity(mesh, grid)
+    nodes = _constant_on_walls(grid.psi)
+    found = plates(mesh.points, mesh.edges, mesh.patches)
+    inside = without_plates(grid.inside, grid.x, grid.y, found)
+    field = FlowField.from_stream_function(nodes, grid.x, grid.y, "", walls, inside)
+    misfit, slip = _misfit(mesh, field), _slip(mesh, field)
+    told = f"{mesh.origin}, {_percent(misfit)} off U (rms)"
     if slip > SINGLE:
         told += f", up to {_percent(slip)} of its largest at walls"
-    if not (best.misfit <= LARGEST_MISFIT or allow_misfit):
+    if not (misfit <= LARGEST_MISFIT or allow_misfit):
         raise InputError(
             mesh.where, f"a velocity U without sources, resolved by the mesh to {LARGEST_MISFIT:.0%}",
-            f"one whose best stream function is {_percent(best.misfit)} off (rms)",
+            f"one whose best stream function is {_percent(misfit)} off (rms)",
             "Give a solved plane incompressible flow, or solve it on a finer mesh; "
             "--allow-misfit (allow_misfit=True) takes it as it is.",
         )  # fmt: skip
-    return replace(_moved(best.field, mesh.corner), origin=told)
+    return replace(_moved(field, mesh.corner), origin=told)
 
 
 def _percent(part: float) -> str:
     return f"{100.0 * part:.2g} %" if part < 1.0 else f"{100.0 * part:.0f} %"
 
 
-def _best(mesh: MeshFlow) -> _Made:
-    """The field of the stream function that fits U, or of the case's own."""
-    fitted = stream_function(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.patches)
-    made = _made(mesh, fitted, "stream function fitted to U")
-    if mesh.psi is None:
-        return made
-    if not np.isfinite(mesh.psi).all():
-        return made._replace(source=f"{made.source}, as the case's is not finite")
-    # Mass fluxes and other conventions give it the other sign.
-    sign = 1.0 if np.vdot(mesh.psi - mesh.psi.mean(), fitted) >= 0.0 else -1.0
-    given = _made(mesh, sign * mesh.psi, "its streamFunction")
-    # OpenFOAM 1912 gets it wrong where no face of the boundary is without flux, and at single points.
-    if given.misfit <= made.misfit:
-        return given
-    off = f"as the case's is {_percent(given.misfit)} off"
-    return made._replace(source=f"{made.source}, {off}")
-
-
-def _made(mesh: MeshFlow, at_points: Array, source: str) -> _Made:
-    """The field of psi (P,) at the mesh points."""
-    grid = _resample(mesh, at_points)
-    walls = _wall_velocity(mesh, grid)
-    psi = _constant_on_walls(grid.psi)
-    found = plates(mesh.points, mesh.edges, mesh.patches)
-    inside = without_plates(grid.inside, grid.x, grid.y, found)
-    field = FlowField.from_stream_function(psi, grid.x, grid.y, source, walls, inside)
+def _misfit(mesh: MeshFlow, field: FlowField) -> float:
+    """How far a field is off U in the cells, rms / rms; 0 where nothing moves."""
     sample = field.evaluate(mesh.centres[:, 0], mesh.centres[:, 1])
     found = np.stack((sample.velocity_x, sample.velocity_y), axis=-1)
     speed = float(np.linalg.norm(mesh.velocity))
-    misfit = float(np.linalg.norm(found - mesh.velocity)) / speed if speed > 0.0 else 0.0
-    return _Made(field, misfit, source)
+    return float(np.linalg.norm(found - mesh.velocity)) / speed if speed > 0.0 else 0.0
 
 
 def _slip(mesh: MeshFlow, field: FlowField) -> float:

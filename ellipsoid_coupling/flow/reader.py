@@ -55,13 +55,11 @@ class _Raw(NamedTuple):
     """What both formats give: points, cells, fields, patches (centres, velocity), all 3-D.
 
     corner (3,) : the place in the case from which points and centres are measured
-    psi : None where there is none
     """
 
     corner: Array
     points: Array
     cells: _Cells
-    psi: Array | None
     velocity: Array
     patches: Mapping[str, tuple[Array, Array]]
 
@@ -215,7 +213,7 @@ def _read_foam(case: Path, solution: Solution) -> _Raw:
         for patch in mesh.patches
         if patch.kind != "empty"
     }
-    return _Raw(corner, mesh.points, cells, solution.psi, solution.velocity.values, patches)
+    return _Raw(corner, mesh.points, cells, solution.velocity.values, patches)
 
 
 def _vtk_step(folder: Path) -> Path:
@@ -265,8 +263,7 @@ def _read_vtu(step: Path) -> _Raw:
             faces = np.insert(patch.corners, first, patch.sizes)
             polygon = pyvista.PolyData(patch.points - corner, faces)
             patches[file.stem] = np.asarray(polygon.cell_centers().points), patch.velocity
-    psi = mesh.point_data.get("streamFunction")
-    return _Raw(corner, points - corner, cells, psi, velocity, patches)
+    return _Raw(corner, points - corner, cells, velocity, patches)
 
 
 def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
@@ -294,7 +291,6 @@ def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
     return MeshFlow(
         points=flat,
         edges=cells.edges(),
-        psi=None if raw.psi is None else raw.psi[low].astype(np.float64),
         centres=cells.centroids(flat),
         velocity=raw.velocity[:, plane],
         patches=patches,

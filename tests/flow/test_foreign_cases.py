@@ -204,7 +204,7 @@ def scaled(case: Path, time: str, factor: float, source: str = "3.95") -> None:
 
 def told(case: Path) -> str:
     """The time in a flow's origin, and what is said of it."""
-    return read_flow(case, allow_misfit=True).origin.split(", stream function")[0]
+    return read_flow(case, allow_misfit=True).origin.rpartition(" % off U")[0].rpartition(", ")[0]
 
 
 def test_the_time_that_is_taken_is_told(case: Path) -> None:

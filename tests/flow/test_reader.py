@@ -30,8 +30,7 @@ def test_field_is_the_cases_velocity(cavity_16: Path) -> None:
     assert field.cells == (16, 16)
     assert field.bounds == (0.0, 1.0, 0.0, 1.0)
     assert field.origin == (
-        "OpenFOAM case cavity_16, time 3.95, stream function fitted to U, as the case's is 7.6 % off, "
-        "6.4 % off U (rms), up to 0.29 % of its largest at walls"
+        "OpenFOAM case cavity_16, time 3.95, 6.4 % off U (rms), up to 0.29 % of its largest at walls"
     )
 
 
@@ -159,43 +158,28 @@ def _spoilt(case: Path) -> None:
     path.write_text(f"{text[: middle.start()]}0.01{text[middle.end() :]}", encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("edit", "why"),
-    [
-        (_remove("[1-9]*/streamFunction"), "U, 6.4"),
-        (_rewrite(r"\n-?\d\.\d+(e-\d+)?\n", "\ninf\n", "[1-9]*/streamFunction"), "is not finite"),
-        (_noise, "the case's is \\d+ % off"),
-        (_spoilt, "the case's is \\d+ % off"),
-    ],
-)
-def test_without_its_stream_function_the_case_gives_the_same_flow(
-    cavity_16: Path, tmp_path: Path, edit: Edit, why: str
+@pytest.mark.parametrize("edit", [_remove("[1-9]*/streamFunction"), _noise, _spoilt])
+def test_the_cases_own_stream_function_does_not_matter(
+    cavity_16: Path, tmp_path: Path, edit: Edit
 ) -> None:
-    """The fit to U does not look at OpenFOAM's psi, so all are the same to rounding. Walls stay tight."""
+    """OpenFOAM's is 134 % off at the elbow's outlet. Nothing is written into a case either."""
     case = tmp_path / "case"
     shutil.copytree(cavity_16, case)
     edit(case)
     before = sorted(case.rglob("*"))
-    fitted, own = read_case(case), read_case(cavity_16)
+    found, own = read_case(case), read_case(cavity_16)
     assert sorted(case.rglob("*")) == before
-    assert re.search(f"stream function fitted to .*{why}", fitted.origin)
-    a, b = (field.evaluate(*points(4000)) for field in (fitted, own))
-    distance = np.hypot(a.velocity_x - b.velocity_x, a.velocity_y - b.velocity_y)
-    assert distance.max() < 1e-12
-    along, ones = np.linspace(0.0, 1.0, 400), np.ones(400)
-    for wall in (0.0, 1.0):
-        assert np.abs(fitted.evaluate(wall * ones, along).velocity_x).max() < 1e-15
-        assert np.abs(fitted.evaluate(along, wall * ones).velocity_y).max() < 1e-15
+    np.testing.assert_array_equal(found.arrays.coefficients, own.arrays.coefficients)
 
 
-def test_a_linear_flow_without_stream_function_is_exact() -> None:
+def test_a_linear_flow_is_exact() -> None:
     """The flow (-x, y) on 12 x 12 cells: inflow and outflow on all sides, no OpenFOAM here.
 
     The solver is 0.2 h^2/nu = 1.3e-8 off, single precision 1e-7; so are edges, corners and what
     lies outside, where the rim's polynomial goes on. Gradients lose a factor 1/h: 2e-6.
     """
     field = read_case(DATA / "top_bottom_12")
-    assert field.origin.endswith("stream function fitted to U, 5.8e-07 % off U (rms)")
+    assert field.origin.endswith("time 2.25e-05, 5.8e-07 % off U (rms)")
     assert field.bounds == (-1.5, 1.5, -1.5, 1.5)
     x, y = np.meshgrid(np.linspace(-1.8, 1.8, 145), np.linspace(-1.8, 1.8, 145))
     sample = field.evaluate(x, y)

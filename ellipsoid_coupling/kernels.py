@@ -232,7 +232,8 @@ _Announcer = type(
         "on_end": lambda _self, happening: _announce_end(happening),
     },
 )
-event.register("numba:compile", _Announcer())
+_register: Any = event.register
+_register("numba:compile", _Announcer())
 
 _TimingListener: Callable[[], Any] = event.TimingListener
 

@@ -19,6 +19,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 from ellipsoid_coupling.errors import InputError
@@ -90,15 +91,17 @@ def taking_turns() -> Iterator[None]:
         yield
 
 
+def _omppool() -> Any:
+    return import_module("numba.np.ufunc.omppool")
+
+
 def _pause() -> Any:
     """OpenMP's function that ends a team, of the very library that numba uses; None without one."""
     # Nothing is imported for a fork: a program without numba's loops has no team.
     parallel: Any = sys.modules.get("numba.np.ufunc.parallel")
     if parallel is None or parallel._threading_layer != "omp":
         return None
-    from numba.np.ufunc import omppool
-
-    return getattr(ctypes.CDLL(omppool.__file__), "omp_pause_resource_all", None)
+    return getattr(ctypes.CDLL(_omppool().__file__), "omp_pause_resource_all", None)
 
 
 def give_back_team() -> None:
@@ -117,9 +120,8 @@ def start_anew() -> None:
     global _turn
     _turn = threading.RLock()
     if _pause() is not None:
-        from numba.np.ufunc import omppool
-
-        ctypes.CFUNCTYPE(None, ctypes.c_int)(omppool.launch_threads)(_numba().NUM_THREADS)
+        launch = ctypes.CFUNCTYPE(None, ctypes.c_int)(_omppool().launch_threads)
+        launch(_numba().NUM_THREADS)
 
 
 # Absent where there is no fork.

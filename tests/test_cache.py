@@ -31,7 +31,7 @@ def not_writable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "file").touch()
     monkeypatch.setenv("ELLIPSOID_CACHE", str(tmp_path / "file" / "cache"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(cache.tempfile, "tempdir", None)
+    monkeypatch.setattr("tempfile.tempdir", None)
     return tmp_path / "file" / "cache"
 
 
@@ -67,7 +67,7 @@ def test_what_a_cache_that_can_only_be_read_has_is_taken_along(
     def read_only(**_options: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(cache.tempfile, "TemporaryFile", read_only)
+    monkeypatch.setattr("tempfile.TemporaryFile", read_only)
     with pytest.warns(CacheWarning, match="Permission denied"):
         folder = kernel_folder("abc")
     assert folder != shared
@@ -80,7 +80,7 @@ def test_no_place_at_all_is_one_message(
     def none(**_options: object) -> str:
         raise FileNotFoundError(2, "No usable temporary directory found")
 
-    monkeypatch.setattr(cache.tempfile, "mkdtemp", none)
+    monkeypatch.setattr("tempfile.mkdtemp", none)
     with pytest.raises(InputError, match=r"temporary.*ELLIPSOID_CACHE name a folder") as caught:
         kernel_folder("abc")
     assert str(not_writable) in str(caught.value)

@@ -25,6 +25,7 @@ WORK = """
     import numpy as np
     import ellipsoid_coupling as ec
     from ellipsoid_coupling.kernels import parallel_kernel
+    from ellipsoid_coupling.threading_layer import taking_turns
 
     @parallel_kernel
     def total(values: np.ndarray) -> float:
@@ -38,7 +39,8 @@ WORK = """
         scene = ec.load_scene("rotation", settings)
         result = ec.simulate(scene, "microscopic", seed=seed, realisations=4)
         places = np.ascontiguousarray(result.variables["x"]).tobytes()
-        return hashlib.sha256(places).hexdigest(), total(np.arange(1000.0))
+        with taking_turns():  # as `simulate` does for the loops in it
+            return hashlib.sha256(places).hexdigest(), total(np.arange(1000.0))
 
     if __name__ == "__main__":
         alone = [work(seed) for seed in range(3)]

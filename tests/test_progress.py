@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import threading
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -134,7 +135,7 @@ def test_a_stream_that_is_closed_stops_nothing(
 def test_the_heart_beats_until_it_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A real thread, waited for: it is not the clock that ends this test."""
     monkeypatch.setattr(progress, "_BEAT", 0.001)
-    beats = progress.threading.Semaphore(0)
+    beats = threading.Semaphore(0)
     with progress._Heart(beats.release) as heart:
         for _ in range(3):
             beats.acquire()

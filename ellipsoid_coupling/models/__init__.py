@@ -71,7 +71,7 @@ def require_fit(name: str, setup: Setup) -> None:
     if name not in classes:
         known = ", ".join(sorted(classes))
         raise InputError("--model", f"one of {known}", repr(name), "Choose one of these.")
-    require_memory(classes[name].layout, name, setup)
+    require_memory(classes[name], name, setup)
     classes[name].require_fit(setup)
 
 

@@ -63,6 +63,8 @@ class Model(Protocol):
 
     names: ClassVar[tuple[str, ...]]
     layout: ClassVar[Literal["particles", "rho", "q"]]
+    # Whether all that it holds takes each step at once, or one realisation after another.
+    together: ClassVar[bool]
 
     def __init__(self, name: str, setup: Setup) -> None:
         """Build the model called `name` and put it to the scene's start."""

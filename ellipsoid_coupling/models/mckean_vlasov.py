@@ -116,6 +116,7 @@ class McKeanVlasov:
 
     names: ClassVar[tuple[str, ...]] = ("mckean_vlasov",)
     layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
+    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name

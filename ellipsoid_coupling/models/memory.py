@@ -1,7 +1,8 @@
-"""How much memory a run takes, found from the scene before anything of it is allocated.
+"""How much memory a run takes at its peak, found from the scene before anything of it is allocated.
 
-The estimates are from below: arrays that every run of the model has, without what a library adds. What
-is refused would therefore not have fitted; what passes may still be slow.
+The peak is at the end, where snapshots become the arrays of result.nc, or within the last steps. Each
+estimate is the sum of the arrays that the code makes; `tests/models/test_memory.py` compares them with
+what runs take. A run that does not fit is refused before its folder is made.
 """
 
 from __future__ import annotations
@@ -12,17 +13,33 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.cells import CELLS_PER_REACH
 from ellipsoid_coupling.interaction.sample_choice import affordable_harmonics, scene_samples
 from ellipsoid_coupling.interaction.sample_nodes import nodes_per_width
-from ellipsoid_coupling.limits import in_words, memory_limit
-from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.limits import in_words, memory_left
+from ellipsoid_coupling.models.base import Model, Setup
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK
+from ellipsoid_coupling.schemes.particles.together import TOGETHER
 
 _NUMBER = 8  # bytes of a float64
 
-# Numbers an item has beside what is saved of it: particles 3 x (place, velocity, force) and their
-# order; r-cells fields, drift and a copy; q-cells fields and their fluxes.
-_PER_PARTICLE, _PER_CELL, _PER_Q_CELL = 10, 14, 8
-# Variables in the result file, of the particles and of each kind of cell; all times are held twice.
+# What kernels that are compiled, and the libraries that write the result, take besides; bytes.
+_LIBRARIES = 1.5e8
+# Numbers an item has beside what is saved of it. Particles: 3 x (place, velocity, force), and a flag.
+# Cells: fields, drift, their copies for a refused step, what of the drift is constant; for q under
+# `accurate` the stages of a step.
+_WORK = {
+    ("particles", "paper"): 10,
+    ("particles", "accurate"): 10,
+    ("rho", "paper"): 16,
+    ("rho", "accurate"): 22,
+    ("q", "paper"): 10,
+    ("q", "accurate"): 18,
+}
+# Of particles that one step takes together: the trial step, sums and sorted copies.
+_TRIAL = {"paper": 2, "accurate": 14}
+_PAIRS = 14
+_GRID_FORCES = {"rho": 6, "q": 4}
+# Variables in the result file. While one is put together from the snapshots, it is there twice.
 _SAVED = {"particles": 6, "rho": 5, "q": 4}
 _PER_GHOST = 5
 
@@ -36,30 +53,56 @@ class Need(NamedTuple):
     size: float
 
 
-def require_memory(layout: str, name: str, setup: Setup) -> None:
+def require_memory(model: type[Model], name: str, setup: Setup) -> None:
     """InputError, with the bytes and the keys at fault, for a run that the machine cannot hold."""
-    worst = max(_needs(layout, name, setup), key=lambda need: need.size)
-    limit = memory_limit()
-    if worst.size > limit:
+    needs = _needs(model, name, setup)
+    worst, total = max(needs, key=lambda need: need.size), sum(need.size for need in needs)
+    left = memory_left()
+    if total > left:
         raise InputError(
             f"scene {setup.scene.name}, {worst.keys}",
-            f"a run that fits into the {in_words(limit)} of this machine",
-            f"{worst.number:.3g} {worst.what}, which take {in_words(worst.size)}",
+            f"a run that fits into the {in_words(left)} that are left of this machine, its container "
+            "or its shell's limit",
+            f"{worst.number:.3g} {worst.what}, which take {in_words(worst.size)} of {in_words(total)}",
             "Make the run smaller.",
         )
 
 
-def _needs(layout: str, name: str, setup: Setup) -> list[Need]:
-    scene = setup.scene
-    saved = 2 * _SAVED[layout] * len(scene.times)
-    needs = _pair_needs(scene) if layout == "particles" else _grid_needs(layout, scene, saved)
-    if layout == "particles":
-        count = float(scene.particles.number * setup.realisations)
-        keys = "keys particles.number, particles.realisations, times"
-        needs.append(_need("particles", count, keys, _PER_PARTICLE + saved))
+def peak_memory(model: type[Model], name: str, setup: Setup) -> float:
+    """Bytes that a run takes at its peak, beside what its process has before it."""
+    return sum(need.size for need in _needs(model, name, setup))
+
+
+def _needs(model: type[Model], name: str, setup: Setup) -> list[Need]:
+    needs = [Need("libraries", 1.0, "", _LIBRARIES)]
+    if model.layout != "particles":
+        return needs + _grid_needs(model.layout, setup)
+    needs += _particle_needs(model, setup) + _pair_needs(setup.scene)
     if name == "mckean_vlasov":
-        needs += _node_needs(scene, setup.realisations)
+        needs += _node_needs(setup.scene, setup.realisations)
     return needs
+
+
+def _saved(layout: str, times: int) -> tuple[float, float]:
+    """Numbers an item that are held of its snapshots within the last steps, and at the end."""
+    variables = _SAVED[layout]
+    return variables * (times - 1.0), variables * times + (times if times > 1 else 0.0)
+
+
+def _particle_needs(model: type[Model], setup: Setup) -> list[Need]:
+    scene, terms, scheme = setup.scene, setup.terms, setup.scheme
+    number, keys = scene.particles.number, "keys particles.number, particles.realisations, times"
+    stepping, ending = _saved("particles", len(scene.times))
+    components = 2.0 * terms.noise + terms.angular_noise
+    stepping += components * STEPS_PER_BLOCK * TOGETHER[scheme].noise_per_step
+    count = float(number * setup.realisations)
+    work = _WORK["particles", scheme] + max(stepping, ending)
+    at_once = count if model.together else float(number)
+    trial = _TRIAL[scheme] + (_PAIRS if scene.interaction is not None else 0)
+    return [
+        _need("particles", count, keys, work),
+        _need("particles that step together", at_once, keys, trial),
+    ]
 
 
 def _node_needs(scene: Scene, realisations: int) -> list[Need]:
@@ -87,25 +130,26 @@ def _pair_needs(scene: Scene) -> list[Need]:
         return []
     shape = potential_shape(scene.particles.length, scene.particles.width)
     cells = _cells(scene, shape.reach / CELLS_PER_REACH)
-    needs = [_need("cells of half a reach", cells, "keys particles.length, domain", 1)]
+    needs = [_need("cells of half a reach", cells, "keys particles.length, domain", 2)]
     if scene.walls is not None:
         ghosts = max(scene.domain.width, scene.domain.height) / scene.particles.length
         needs.append(_need("ghost particles", ghosts, "keys particles.length, domain", _PER_GHOST))
     return needs
 
 
-def _grid_needs(layout: str, scene: Scene, saved: int) -> list[Need]:
+def _grid_needs(layout: str, setup: Setup) -> list[Need]:
+    scene = setup.scene
     cells, keys = _cells(scene, scene.numerics.cell), "keys numerics.cell, domain, times"
-    needs = []
     if layout == "q":
-        count = cells * scene.numerics.angle_cells
+        cells *= scene.numerics.angle_cells
         keys = keys.replace("cell,", "cell, numerics.angle_cells,")
-        needs.append(_need("cells", count, keys, _PER_Q_CELL + saved))
-    else:
-        needs.append(_need("cells", cells, keys, _PER_CELL + saved))
-    if scene.interaction is not None:
-        reach = potential_shape(scene.particles.length, scene.particles.width).reach
-        stencil = (reach / scene.numerics.cell) ** 2
-        keys = "keys particles.length, numerics.cell"
-        needs.append(_need("cells within the interaction's reach", stencil, keys, 3))
-    return needs
+    work = _WORK[layout, setup.scheme] + max(_saved(layout, len(scene.times)))
+    if scene.interaction is None:
+        return [_need("cells", cells, keys, work)]
+    reach = potential_shape(scene.particles.length, scene.particles.width).reach
+    stencil = (reach / scene.numerics.cell) ** 2
+    within = "cells within the interaction's reach"
+    return [
+        _need("cells", cells, keys, work + _GRID_FORCES[layout]),
+        _need(within, stencil, "keys particles.length, numerics.cell", 3),
+    ]

@@ -73,6 +73,7 @@ class Microscopic:
 
     names: ClassVar[tuple[str, ...]] = ("microscopic",)
     layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
+    together: ClassVar[bool] = False
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name

@@ -77,6 +77,7 @@ class QEquation:
 
     names: ClassVar[tuple[str, ...]] = ("q_maxwellian", "q_mono_kinetic")
     layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
+    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name

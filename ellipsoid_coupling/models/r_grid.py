@@ -72,6 +72,7 @@ class RGridEquation:
     """
 
     layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
+    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup, splitting: Splitting) -> None:
         self.name = name

@@ -49,6 +49,7 @@ class StationaryState:
 
     names: ClassVar[tuple[str, ...]] = ("stationary_state",)
     layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
+    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name

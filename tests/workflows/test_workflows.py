@@ -70,15 +70,20 @@ def test_the_papers_page_has_every_figure_and_verdict(
     paper = workflow("paper")
     monkeypatch.setattr(sys.modules["paper_stationary"], "AMPLITUDES", (1.0,))
     few = {"particles.realisations": 2, "particles.number": 60, "numerics.angle_cells": 12}
-    monkeypatch.setattr(paper, "QUICK", few | {"numerics.interaction": "direct"})
+    quick = few | {"numerics.interaction": "direct"}
     wide = {"top_bottom": 0.15, "rotation": 0.15, "cavity": 0.05, "cavity_free": 0.05}
-    monkeypatch.setattr(paper, "QUICK_CELLS", wide)
+    for module in (paper, sys.modules["paper_runs"]):
+        monkeypatch.setattr(module, "QUICK", quick)
+    monkeypatch.setattr(sys.modules["paper_runs"], "QUICK_CELLS", wide)
     folder = paper.main(["--quick", "--out", str(tmp_path)])
     page = (folder / "index.html").read_text()
     named = re.findall(r'<img src="([^"]+)"', page)
-    assert len(named) == 1 + 2 + 1 + 4 * 4
+    assert len(named) == 1 + 2 + 1 + 4 * 6
     assert all((folder / name).stat().st_size > 5000 for name in named)
-    assert len(re.findall(r'<tr class="(?:yes|no)">', page)) == 11
+    assert len(re.findall(r'<tr class="(?:yes|no)">', page)) == 2 * 17 + 2
+    # Every statement but two is judged for both schemes.
+    for scheme in ("paper", "accurate"):
+        assert page.count(f"</td><td>{scheme}</td><td>") >= 17
     assert "failed:" not in page
     _look_at_it_in_a_browser(folder)
 

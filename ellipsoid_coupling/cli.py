@@ -253,7 +253,7 @@ def run(
             folder=folder,
             report=report,
         )
-    shown = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    shown = ["status", "warnings", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
     shown += ["mass_start", "mass_end", "particles_outside_flow"]
     known = [key for key in shown if key in result.attributes]
     rows = [(key, f"{result.attributes[key]}".removesuffix(".0")) for key in known]

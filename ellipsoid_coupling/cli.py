@@ -289,6 +289,7 @@ def compare(
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
+    from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.run_flow import load_runs, repeated_flow
     from ellipsoid_coupling.simulation import scene_flow
 
@@ -307,6 +308,7 @@ def compare(
             results, flows = load_runs(what)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
+            print_warnings(results)
     folder = output.folder(f"compare-{scene.name}")
     report_frontiers([frontier], folder)
     _print(str(folder))
@@ -372,6 +374,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
         Run folders; those of one scene are drawn together.
     """
     from ellipsoid_coupling.output.figures import draw_all
+    from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.run_flow import load_runs
 
     output.check()
@@ -379,6 +382,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
     folder = output.folder("figures")
     folder.mkdir(parents=True, exist_ok=True)
     draw_all(results, folder, flows)
+    print_warnings(results)
     _print(str(folder))
 
 

@@ -145,7 +145,7 @@ def _longest(rate: float, force: float, damping: float, distance: float, ahead: 
 
 def largest_turn(equation: SplitEquation) -> float:
     """How far a cell may turn in a step (radian): less on finer grids, so that the order holds."""
-    return LARGEST_TURN * min(1.0, _COARSE / max(equation.drift.shape[1:]))
+    return float(LARGEST_TURN * min(1.0, _COARSE / max(equation.drift.shape[1:])))
 
 
 def flight(equation: SplitEquation, dt: float) -> Ballistic:

@@ -17,7 +17,8 @@ FREE = {"interaction": None, "numerics.cell": 0.1}
 
 
 def scene(**start: Any) -> Scene:
-    return ec.load_scene("rotation", FREE | {f"start.{key}": value for key, value in start.items()})
+    number = {"particles.number": len(start.get("points", ())) or 1}
+    return ec.load_scene("rotation", FREE | number | {f"start.{k}": v for k, v in start.items()})
 
 
 def test_a_crossing_is_told_and_the_run_is_completed() -> None:
@@ -46,9 +47,8 @@ def test_equal_ellipses_at_0_and_pi_have_no_mean_of_half_a_turn() -> None:
     filled = start_density(scene_grid(alike), alike) > 0.0
     assert start_angle(scene_grid(alike), alike)[filled] == pytest.approx(0.05)
     assert any("differ by more than pi/2" in line for line in told.of_mixed_angles(alike))
-    other = ec.load_scene(
-        "stationary", {"start.points": [[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]], "noise": None}
-    )
+    both = {"start.points": [[2.0, 2.0, 0.0], [2.0, 2.0, math.pi]], "particles.number": 2}
+    other = ec.load_scene("stationary", both)
     assert start_angle(scene_grid(other), other).max() == pytest.approx(0.5 * math.pi)
 
 

@@ -53,9 +53,8 @@ _DENSITY_LIMIT = 2.0
 _CARRIED_LIMIT = 1.5
 # An extremum is smooth, and kept, that bends by less than this part: of the density, of a cell in a
 # step, of a radian. Flattening it would cost an order: without pressure an error of the velocity
-# becomes its derivative in the density. Grids of more cells than `_COARSE`, along a
-# direction or the domain's longer side, have a smaller part: second derivatives count up to 200, in
-# units of the domain.
+# becomes its derivative in the density. Grids of more cells than `_COARSE` along the domain's longer
+# side, or of more angles, have a smaller part: second derivatives count up to 200, in units of that side.
 _SMOOTH = 0.05
 _COARSE = 64
 # A factor: in strict floating point a division by 12 stays one.

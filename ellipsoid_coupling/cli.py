@@ -176,7 +176,7 @@ def run(
 
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
     """What a run has told about itself, as a table."""
-    names = ["status", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
+    names = ["status", "warnings", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
     names += ["mass_start", "mass_end", "particles_outside_flow"]
     rows = [(k, f"{attributes[k]}".removesuffix(".0")) for k in names if k in attributes]
     timed = [k for k in ("wall_seconds", "compile_seconds") if k in attributes]
@@ -207,6 +207,7 @@ def compare(
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
+    from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.run_flow import load_runs
     from ellipsoid_coupling.simulation import scene_flow
 
@@ -224,6 +225,7 @@ def compare(
             results, flows = load_runs(what, flow.flow)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
+            print_warnings(results)
     with output.folder(f"compare-{scene.name}") as folder:
         report_frontiers([frontier], folder)
     _print(str(folder))
@@ -289,6 +291,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
         Run folders; those of one scene are drawn together.
     """
     from ellipsoid_coupling.output.figures import draw_all
+    from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.run_flow import load_runs
 
     output.check()
@@ -296,6 +299,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
     with output.folder("figures") as folder, ProgressReporter("figures"):
         folder.mkdir(parents=True, exist_ok=True)
         draw_all(results, folder, flows)
+    print_warnings(results)
     _print(str(folder))
 
 

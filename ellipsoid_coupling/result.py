@@ -16,7 +16,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.inputs import exists, is_folder
 from ellipsoid_coupling.netcdf import Stored, read_netcdf, write_netcdf
-from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table
+from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,6 +101,11 @@ class Result:
         """How it ended: "completed", or "failed: ..." with the reason."""
         return str(self.attributes.get("status", ""))
 
+    @property
+    def warnings(self) -> list[str]:
+        """What should be known of a run that was completed: sentences, none where all is well."""
+        return str(self.attributes.get("warnings", "")).splitlines()
+
     def density(self, cells: int = 30) -> Floats:
         """The particles' probability density on cells x cells bins of the domain.
 
@@ -142,11 +147,23 @@ class Result:
             angles = zip(self.variables["angle"], self._frozen(), strict=True)
             return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
         if self.layout == "q":
+            if (
+                self.variables["density"].shape[1] == 1
+                and not terms_of(self.scene, self.model).angle
+            ):
+                return self._held_angles(bins)
             mass = self.variables["density"].sum(axis=(2, 3))
             total = mass.sum(axis=1, keepdims=True) * histograms.FULL_TURN / mass.shape[1]
             return np.array([histograms.regrid_angles(m, bins) for m in mass / total])
         pairs = zip(self.variables["mean_angle"], self.variables["density"], strict=True)
         return np.array([histograms.field_angles(a, d, bins) for a, d in pairs])
+
+    def _held_angles(self, bins: int) -> Floats:
+        """The start angles' distribution, at all times: one cell holds all angles, and nothing turns."""
+        start = self.scene.start
+        angles = [angle for _, _, angle in start.places()] or [start.own_angle]
+        held = histograms.particle_angles(np.array(angles) + start.turns, bins)
+        return np.tile(held, (self.times.size, 1))
 
     def to_dataset(self) -> xr.Dataset:
         """The result as an xarray data set that may be merged with those of other models.

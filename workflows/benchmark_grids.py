@@ -56,7 +56,7 @@ def sweep_rate(flux: Flux, cells: int, angles: int, repeats: int) -> float:
 def _sweep_rows(sizes: Sizes) -> Iterator[Row]:
     size = sizes.q_cells, sizes.angles, sizes.repeats
     one, two = (with_threads(n, lambda: sweep_rate(Force(0.0), *size)) for n in (1, 2))
-    second = sweep_rate(Ballistic(), *size)
+    second = sweep_rate(Ballistic((0.05, *(0.1,) * 3)), *size)
     # Four fields of 8 bytes are read and written.
     memory = limits(sizes)["two threads"] * 1e3 / 64.0
     work = f"FORCE sweep, 4 fields, {size[0]}x{size[0]}x{size[1]}"

@@ -23,6 +23,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction, box_of
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
+from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
@@ -48,6 +49,7 @@ from ellipsoid_coupling.schemes.step_control import (
     CFL,
     STEPS,
     TIME,
+    Aside,
     advance_by_limits,
     new_clock,
     step_log,
@@ -89,6 +91,7 @@ class QEquation:
         self.stepper: QStepper = stepper(self.system)
         self.stepper.prepare()
         self.clock = new_clock(1, np.inf, CFL)
+        self.end, self.aside = float(setup.scene.times[-1]), Aside()
         # Under pressure characteristics do not cross.
         single = self.system.pressure == 0.0
         self._crossing = CrossingDetector(self.system.terms.damping) if single else None
@@ -155,6 +158,10 @@ class QEquation:
         return values
 
     def state(self) -> Arrays:
+        """What `live` has, of what the run goes on from; see `Aside`."""
+        return self.live() if self.aside.arrays is None else self.aside.arrays
+
+    def live(self) -> Arrays:
         """Fields, clock, what has left, and what the stepper and the detector remember."""
         arrays: Arrays = {
             "fields": self.system.fields,
@@ -168,7 +175,8 @@ class QEquation:
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
-        current = self.state()
+        self.aside = Aside()
+        current = self.live()
         for name, array in state.items():
             current[name][...] = array
         self.system.look_for_mass()
@@ -211,8 +219,11 @@ class QEquation:
         return steady + pull * terms.inverse_mass, turning + torque * terms.inverse_inertia
 
     def counts(self) -> Counts:
-        """The steps, the mass balance and, if they have, when characteristics crossed."""
+        """The steps, the mass balance, if they have, when characteristics crossed, and what to tell."""
         crossing = {} if self._crossing is None else self._crossing.counts()
+        crossed = math.nan if self._crossing is None else self._crossing.time
+        scene, turns = self._setup.scene, self.system.fields.shape[0] > QOMEGA
+        one = told.of_one_angle(scene, turns) if self.grid.angles == 1 else []
         return (
             step_log(self.clock)
             | crossing
@@ -221,6 +232,7 @@ class QEquation:
                 "mass_end": self._mass(),
                 "mass_left": float(self.system.left[0] * self.grid.volume),
             }
+            | told.as_counts(told.of_crossing(crossed), told.of_start(scene), one)
         )
 
     def coordinates(self) -> dict[str, Floats]:

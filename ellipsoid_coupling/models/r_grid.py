@@ -16,6 +16,7 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import threads_for
+from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
@@ -44,6 +45,7 @@ from ellipsoid_coupling.schemes.step_control import (
     CFL,
     STEPS,
     TIME,
+    Aside,
     advance_by_limits,
     new_clock,
     step_log,
@@ -93,6 +95,7 @@ class RGridEquation:
             interior(self.fields)[ANGLE] = interior(self.fields)[RHO] * self._start_angle
         self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
         self.clock = new_clock(1, np.inf, CFL)
+        self.end, self.aside = float(scene.times[-1]), Aside()
         self._mass_start = self._mass()
         # What has left through open edges, in units of a cell's density.
         self._left = np.zeros(1)
@@ -211,7 +214,11 @@ class RGridEquation:
         }
 
     def state(self) -> Arrays:
-        """Fields, drift, clock and what has left."""
+        """Fields, drift, clock and what has left, of what the run goes on from; see `Aside`."""
+        return self.live() if self.aside.arrays is None else self.aside.arrays
+
+    def live(self) -> Arrays:
+        """Fields, drift, clock and what has left, as they are shown now."""
         return {
             "fields": self.fields,
             "drift": self.drift,
@@ -221,7 +228,8 @@ class RGridEquation:
 
     def restore(self, state: Arrays) -> None:
         """Continue from a `state`."""
-        current = self.state()
+        self.aside = Aside()
+        current = self.live()
         for name, array in state.items():
             current[name][...] = array
         self._splitting.restore(self)
@@ -251,12 +259,21 @@ class RGridEquation:
         return Health(mass * self.cell**2, least, speeds, forces)
 
     def counts(self) -> Counts:
-        """The steps and the mass balance."""
-        return step_log(self.clock) | {
-            "mass_start": self._mass_start,
-            "mass_end": self._mass(),
-            "mass_left": float(self._left[0] * self.cell**2),
-        }
+        """The steps, the mass balance, and what should be told."""
+        return (
+            step_log(self.clock)
+            | {
+                "mass_start": self._mass_start,
+                "mass_end": self._mass(),
+                "mass_left": float(self._left[0] * self.cell**2),
+            }
+            | told.as_counts(self.told())
+        )
+
+    def told(self) -> list[str]:
+        """Sentences for `Result.warnings`."""
+        scene = self._setup.scene
+        return told.of_start(scene) + told.of_mixed_angles(scene)
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""

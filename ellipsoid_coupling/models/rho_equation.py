@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
 from ellipsoid_coupling.physics.closure import PRESSURE
@@ -43,13 +44,17 @@ class RhoEquation(RGridEquation):
             self._crossing.look(self.fields, self.cell, self.time + dt)
         return taken
 
-    def state(self) -> Arrays:
+    def live(self) -> Arrays:
         """Fields, drift, clock and what the crossing detector remembers."""
-        return super().state() | {"crossing": self._crossing.memory}
+        return super().live() | {"crossing": self._crossing.memory}
 
     def counts(self) -> Counts:
         """As every r-grid equation's and, if they have, when characteristics crossed."""
         return super().counts() | self._crossing.counts()
+
+    def told(self) -> list[str]:
+        """As every r-grid equation's, and that characteristics have crossed."""
+        return super().told() + told.of_crossing(self._crossing.time)
 
 
 MODEL = RhoEquation

@@ -40,7 +40,9 @@ over the saved times. Parts: discretisation, against the same model refined; clo
 against the yardstick; finite N, likewise for microscopic; sampling, expected from the spread over
 realisations. total <= sum of the parts. +- is the uncertainty of the refined grid solution (how far its
 finest levels still move), or a standard error; above {unresolved:g} the refined solution means little. A
-closure with a question mark is less than three times it: that much may be discretisation still.
+closure with a question mark is less than three times it: that much may be discretisation still. A finite
+N with a question mark is less than three times its standard error: it is not told from 0, since the
+largest over the saved times of what is 0 but for noise is above 0.
 """
 
 
@@ -104,6 +106,14 @@ def is_resolved(row: FrontierRow, kind: Kind) -> bool:
     if closure is None:
         return True
     return spread is not None and _largest(closure, kind) > _RESOLVED * _largest(spread, kind)
+
+
+def is_told_from_noise(row: FrontierRow, kind: Kind) -> bool:
+    """Whether the finite-N part is larger than three times its own standard error, or has none."""
+    found, spread = part_of(row.parts, "finite_n"), part_of(row.parts, "offset_spread")
+    if found is None or spread is None:
+        return True
+    return _largest(found, kind) > _RESOLVED * _largest(spread, kind)
 
 
 def _part_numbers(row: FrontierRow, kind: Kind) -> dict[str, float]:
@@ -171,7 +181,8 @@ def _part_row(row: FrontierRow, kind: Kind) -> tuple[str, ...]:
     cells = []
     for name in (*_PARTS.values(), "discretisation_spread"):
         part = part_of(row.parts, name)
-        doubt = "?" if name == "closure" and not is_resolved(row, kind) else ""
+        known = {"closure": is_resolved, "finite_n": is_told_from_noise}.get(name)
+        doubt = "?" if known is not None and not known(row, kind) else ""
         cells.append("" if part is None else f"{_largest(part, kind):.4f}{doubt}")
     seconds = (f"{row.wall_seconds:.3g}", f"{row.median_seconds:.3g}")
     return (*head, *seconds, f"{largest_error(row, kind):.4f}", *cells)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.result import Result
 
 MODEL_NAMES = {
@@ -49,3 +50,13 @@ def result_labels(results: Sequence[Result]) -> list[str]:
     numbered = enumerate(labels, 1)
     numbers = [f", run {k}" if counts[label] > 1 else "" for k, label in numbered]
     return [literal(label) + number for label, number in zip(labels, numbers, strict=True)]
+
+
+def print_warnings(results: Sequence[Result]) -> None:
+    """What completed runs tell (`Result.warnings`) as a table; nothing where all is well."""
+    labels = result_labels(results)
+    rows = [
+        (label, line) for label, one in zip(labels, results, strict=True) for line in one.warnings
+    ]
+    if rows:
+        print_table("To be known of these runs", ("run", ""), rows)

@@ -35,7 +35,7 @@ from ellipsoid_coupling.interaction.angle_spectra import Quantity
 from ellipsoid_coupling.kernels import apart_kernel, for_each, inline_kernel, parallel_kernel
 from ellipsoid_coupling.schemes.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.schemes.fluxes.contract import ALONG, DENSITY, in_order
-from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, face_factor
+from ellipsoid_coupling.schemes.fluxes.kinetic import SIGNAL, Kinetic, Limits, face_factor
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.q_grid import NORMAL, Extents, Q, inside
 from ellipsoid_coupling.schemes.q_sources import accelerations, largest_step, shorter
@@ -172,7 +172,7 @@ class BalancedHeun:
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
-        flux = Kinetic(work[0])
+        flux = Kinetic(work[0], system.smooth_part(axis))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         exponential = _exponential_weights(rate, dt)
         ratio = dt / system.grid.width(axis)
@@ -181,7 +181,7 @@ class BalancedHeun:
         here = system.fields, before
         left = system.left.copy()
         system.transport(flux, axis, dt)
-        source = work, system.vacuum
+        source = work, Limits(flux.smooth, system.vacuum)
         _push(*here, system.extents, *source, (normal, stride), ratio, exponential)
         self._fill(axis)
         _copy(system.fields, middle, (Q, normal))
@@ -227,14 +227,14 @@ def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
 
 
 @inline_kernel
-def _source(density: Values, up: Values, down: Values, vacuum: float) -> float:
+def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
     """H S of a cell.
 
     density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
     work to the upper one and from the lower one.
     """
     rise, fall = up[0], 1.0 / down[0]
-    factor = face_factor(density[0], density[1], density[2], rise, fall, vacuum)
+    factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
     mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
     push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
     return push * density[1]
@@ -246,22 +246,22 @@ class _Forced(NamedTuple):
     density: Rows
     up: Rows
     down: Rows
-    vacuum: float
+    limits: Limits
 
 
 @inline_kernel
-def _forced(q: Floats, work: Floats, start: int, stride: int, vacuum: float) -> _Forced:
+def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> _Forced:
     """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
     own = rows_at(q, (0,), start)
     around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
     return _Forced(
-        around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), vacuum
+        around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), limits
     )
 
 
 @inline_kernel
 def _source_at(forced: _Forced, i: int) -> float:
-    return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.vacuum)
+    return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.limits)
 
 
 @apart_kernel
@@ -296,7 +296,7 @@ def _push(
     before: Floats,
     extents: Extents,
     work: Floats,
-    vacuum: float,
+    limits: Limits,
     line: tuple[int, int],
     ratio: float,
     weights: tuple[float, float, float],
@@ -310,7 +310,7 @@ def _push(
     old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
     for task in numba.prange(extents.shape[0] * extents.shape[1]):
         start, width = _run(extents, task, padded)
-        forced = _forced(old, work, start, stride, vacuum)
+        forced = _forced(old, work, start, stride, limits)
         m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
         _push_row(forced, m, moved, width, ratio, weights)
 
@@ -337,7 +337,7 @@ def _combine_row(
             change = after[ALONG] - m1 + ratio * _source_at(forced, i)
             change -= (m1 - decay * before[ALONG]) / first
             # A mean of mass and vacuum never gets there by itself, and its velocity is any.
-            empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.vacuum
+            empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.limits.vacuum
             means = each(_mean, (empty,), (before, after))
             momentum = 0.0 if empty else m1 + second * change
             store(new, i, (means[DENSITY], momentum, *means[2:]))
@@ -350,7 +350,7 @@ def _combine(
     middle: Floats,
     extents: Extents,
     work: Floats,
-    vacuum: float,
+    limits: Limits,
     components: tuple[int, ...],
     stride: int,
     ratio: float,
@@ -366,7 +366,7 @@ def _combine(
     half = middle.reshape(2, -1)
     for task in numba.prange(extents.shape[0] * extents.shape[1]):
         start, width = _run(extents, task, padded)
-        forced = _forced(half, work, start, stride, vacuum)
+        forced = _forced(half, work, start, stride, limits)
         m1 = rows_at(half, (1,), start)
         olds, news = rows_at(old, components, start), rows_at(new, components, start)
         _combine_row(forced, m1, olds, news, width, ratio, weights)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.kernels import kernel, parallel_kernel
 from ellipsoid_coupling.schemes.drive import CellTerms, angular_rate
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes import Force
 from ellipsoid_coupling.schemes.grid import GHOSTS
 from ellipsoid_coupling.schemes.sources import (
     ANGLE,
@@ -27,14 +27,12 @@ from ellipsoid_coupling.schemes.sources import (
     TurnWork,
     extremes,
 )
-from ellipsoid_coupling.schemes.splitting import SplitEquation
+from ellipsoid_coupling.schemes.splitting import LARGEST_TURN, SplitEquation, flight, largest_turn
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
 from ellipsoid_coupling.schemes.step_control import ROTATION
 
 Floats = NDArray[np.float64]
 
-# A step that turns a cell by more than this (radian) does not resolve the torque.
-_LARGEST_TURN = 0.5
 # Heun's corrector may move mass by this part of a cell and turn it by this part of a radian; more
 # means that the drift changes within a step by as much as it is.
 _LARGEST_CORRECTION = 0.25
@@ -111,18 +109,19 @@ def mobilities(terms: CellTerms) -> tuple[float, float]:
     return 1.0 / terms.damping, spin
 
 
-def _flight_time(fields: Floats, distance: float) -> tuple[float, int]:
-    """The dt in which nothing flies further than `distance` or turns beyond the largest turn."""
+def _flight_time(fields: Floats, distance: float, turn: float) -> tuple[float, int]:
+    """The dt in which nothing flies further than `distance` or turns by more than `turn`."""
     speed, spin = extremes(fields, None)[:2]
     return min(
         (distance / speed if speed > 0.0 else np.inf, CFL_NUMBER),
-        (_LARGEST_TURN / spin if spin > 0.0 else np.inf, ROTATION),
+        (turn / spin if spin > 0.0 else np.inf, ROTATION),
     )
 
 
 class _Creeping:
     """What both schemes share: velocities follow from the drift at once."""
 
+    order: int
     found = None
 
     def start(self, equation: SplitEquation) -> None:
@@ -135,7 +134,8 @@ class _Creeping:
 
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
-        return _flight_time(equation.fields, cfl * equation.cell)
+        turn = largest_turn(equation) if self.order > 1 else LARGEST_TURN
+        return _flight_time(equation.fields, cfl * equation.cell, turn)
 
 
 class CreepingEuler(_Creeping):
@@ -172,9 +172,6 @@ class CreepingHeun(_Creeping):
     order = 2
     refuses = True
 
-    def __init__(self) -> None:
-        self._flux = Ballistic()
-
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Refused if the correction is not small. Directions take turns (`count`)."""
         fields, sigma = equation.fields, mobilities(equation.terms)
@@ -191,4 +188,4 @@ class CreepingHeun(_Creeping):
         return True
 
     def _fly(self, equation: SplitEquation, dt: float, x_first: bool) -> None:
-        equation.transport(self._flux, dt, x_first, (TurnWork(dt), None))
+        equation.transport(flight(equation, dt), dt, x_first, (TurnWork(dt), None))

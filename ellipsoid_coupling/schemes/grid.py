@@ -12,6 +12,7 @@ padded array (ny + 4, nx + 4), axis order (y, x); two ghost layers g on each sid
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,24 +106,37 @@ def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
 
 
 def start_angle(grid: Grid, scene: Scene) -> Floats:
-    """The mean start angle in every cell less the scene's whole turns, (ny, nx)."""
+    """The mean start angle in every cell less the scene's whole turns, (ny, nx).
+
+    Ellipses look alike half a turn further: those of one cell are turned next to its first one before
+    the mean is taken, by half turns, or by whole ones where V2 tells 0 from pi.
+    """
     angles = np.full(grid.shape, scene.start.own_angle)
-    places = scene.start.places()
-    if places:
-        totals = np.zeros((2, *grid.shape))
-        for x, y, angle in places:
-            j, i = cell_of(grid, x, y)
-            totals[0, j, i] += 1.0
-            totals[1, j, i] += angle
-        filled = totals[0] > 0.0
-        angles[filled] = totals[1, filled] / totals[0, filled]
+    period = math.pi if scene.angular_potential is None else 2.0 * math.pi
+    held: dict[tuple[int, int], list[float]] = {}
+    for x, y, angle in scene.start.places():
+        others = held.setdefault(cell_of(grid, x, y), [])
+        first = others[0] if others else angle
+        others.append(angle - period * round((angle - first) / period))
+    for cell, those in held.items():
+        angles[cell] = sum(those) / len(those)
     return angles
+
+
+def _at_least_a_cell(edges: Floats, box: tuple[float, float]) -> tuple[float, float]:
+    """An interval, widened to a cell about its middle, within the grid."""
+    cell = edges[1] - edges[0]
+    if box[1] - box[0] >= cell:
+        return box
+    low = min(max(0.5 * (box[0] + box[1] - cell), edges[0]), edges[-1] - cell)
+    return float(low), float(low + cell)
 
 
 def start_density(grid: Grid, scene: Scene) -> Floats:
     """Mass 1 over the start box, evenly, (ny, nx); cells cut by its rim hold their part.
 
-    With start.points, each one's share lies in the cell that holds it.
+    A box narrower than a cell is taken one cell wide, so that its middle stays where it is. With
+    start.points, each one's share lies in the cell that holds it.
     """
     places = scene.start.places()
     if places:
@@ -132,7 +146,7 @@ def start_density(grid: Grid, scene: Scene) -> Floats:
         return np.asarray(counts / (len(places) * grid.cell**2))
     # A rim that misses an edge by rounding leaves no sliver in the next cell.
     y, x = (
-        np.round(overlap(edges, box), 12)
+        np.round(overlap(edges, _at_least_a_cell(edges, box)), 12)
         for edges, box in ((grid.y_edges, scene.start.y), (grid.x_edges, scene.start.x))
     )
     part = np.outer(y, x)

@@ -105,11 +105,15 @@ class Limits(NamedTuple):
         Speed of sound, which adds to the velocities.
     damped : bool
         Damping is solved exactly, so that no velocity passes F/Gamma within a step.
+    ahead : (2 or 3,) float64 or None
+        Over which accelerations count, at least `distances`, which it is if None; see
+        `step_control.looking_ahead`.
     """
 
     distances: Floats
     sound: float
     damped: bool = False
+    ahead: Floats | None = None
 
 
 # The step that flights in space and that turning allow.
@@ -129,7 +133,7 @@ def _needed(
     carried: float,
     pull: float,
     rate: float,
-    distance: float,
+    ahead: float,
 ) -> float:
     """Distance/dt for the largest dt of a cell; infinite if not finite, 0 in vacuum.
 
@@ -137,11 +141,12 @@ def _needed(
 
         distance/dt = (s + sqrt(s^2 + 2 a distance))/2
 
-    or s + a/Gamma, where damping holds velocities and that is less.
+    with `ahead` under the root instead of the distance, which it may exceed; or s + a/Gamma, where
+    damping holds velocities and that is less.
     """
     v = carried * inverse
     change, speed = abs(pull - rate * v), abs(v) + sound
-    free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * distance))
+    free = 0.5 * (speed + math.sqrt(speed * speed + 2.0 * change * ahead))
     holds = damped and rate > 0.0
     # The same for all cells, so that no cell waits for a division.
     stay = 1.0 / rate if holds else 0.0
@@ -160,7 +165,7 @@ class _Rates(NamedTuple):
     decays: Values
     gains: Values
     damping: Values
-    distances: Values
+    ahead: Values
 
 
 @apart_kernel
@@ -186,7 +191,7 @@ def _relax_row(
                 # Vacuum is what is not more than 0, so that NaN is none and shows.
                 inverse = 0.0 if cell[Q] <= 0.0 else 1.0 / cell[Q]
                 shared = inverse, limits[0], limits[1]
-                found = each(_needed, shared, (new, drift, rates.damping, rates.distances))
+                found = each(_needed, shared, (new, drift, rates.damping, rates.ahead))
                 store(peaks, i, each(raised, (), (load(peaks, i), found)))
 
 
@@ -201,7 +206,7 @@ def _relax(
     decays: Values,
     gains: Values,
     damping: Values,
-    distances: Values,
+    ahead: Values,
     limits: tuple[float, bool],
     limited: bool,
     fastest: Floats,
@@ -215,7 +220,7 @@ def _relax(
     angles, rows = extents.shape[:2]
     lines, tasks = angles * rows, fastest.shape[0]
     for task in numba.prange(tasks):
-        rates = _Rates(decays, gains, damping, distances)
+        rates = _Rates(decays, gains, damping, ahead)
         found = np.zeros((len(decays), fields.shape[3]))
         peaks = rows_at(found, parts[:-1], 0)
         for line in range(task * lines // tasks, (task + 1) * lines // tasks):
@@ -251,9 +256,9 @@ def _relaxed(
     limits: Limits | None,
 ) -> Steps:
     momenta = fields.shape[0] - 1
-    distances = np.zeros(momenta)
+    ahead = np.zeros(momenta)
     if limits is not None:
-        distances[: limits.distances.size] = limits.distances
+        ahead[: limits.distances.size] = limits.distances if limits.ahead is None else limits.ahead
     fastest = np.zeros((min(extents.shape[0] * extents.shape[1], _TASKS), momenta))
     with one_by_one():
         _relax(
@@ -266,7 +271,7 @@ def _relaxed(
             (change.decay, change.decay, change.spin_decay)[:momenta],
             (change.gain, change.gain, change.spin_gain)[:momenta],
             (terms.damping, terms.damping, terms.angular_damping)[:momenta],
-            tuple(distances.tolist()),
+            tuple(ahead.tolist()),
             (0.0, False) if limits is None else (limits.sound, limits.damped),
             limits is not None,
             fastest,

@@ -19,9 +19,10 @@ from ellipsoid_coupling.interaction.kept import KeptArrays
 from ellipsoid_coupling.interaction.spectra import Real
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import AnyFlux, Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.ballistic import bends_of_step, smooth_part
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
 from ellipsoid_coupling.schemes.planes import Move
-from ellipsoid_coupling.schemes.q_grid import Extents, Q, QGrid, inside, occupied_extents
+from ellipsoid_coupling.schemes.q_grid import QOMEGA, Extents, Q, QGrid, inside, occupied_extents
 from ellipsoid_coupling.schemes.q_sources import (
     Limits,
     Steps,
@@ -31,6 +32,7 @@ from ellipsoid_coupling.schemes.q_sources import (
     step_implicitly,
 )
 from ellipsoid_coupling.schemes.q_transport import transport, transport_in_plane
+from ellipsoid_coupling.schemes.step_control import looking_ahead
 
 Floats = NDArray[np.float64]
 
@@ -102,15 +104,35 @@ class QSystem:
         here = self.fields, axis, ratio, self.extents, self.reflecting
         self.extents = transport(thin, *here, self.left)
 
-    def transport_all(self, flux: AnyFlux, axes: tuple[int, ...], dt: float) -> None:
-        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it."""
+    def transport_all(
+        self, flux: AnyFlux, axes: tuple[int, ...], dt: float, turning: AnyFlux | None = None
+    ) -> None:
+        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it.
+
+        turning : along the angle, where that is another flux
+        """
         move = Move(axes.index(-1) < axes.index(-2), dt / self.grid.plane.cell, self.reflecting)
         if axes[0] == -3:
-            self.transport(flux, -3, dt)
+            self.transport(turning or flux, -3, dt)
         thin = flux._replace(vacuum=self.vacuum)
         self.extents = transport_in_plane(thin, self.fields, move, self.extents, self.left)
         if axes[-1] == -3:
-            self.transport(flux, -3, dt)
+            self.transport(turning or flux, -3, dt)
+
+    def fly(self, axes: tuple[int, ...], dt: float) -> None:
+        """`transport_all` without pressure: what is carried is v_x, v_y and, where it turns, omega."""
+        v = bends_of_step(self.smooth_part(-1), self.grid.plane.cell, dt)
+        if self.fields.shape[0] <= QOMEGA:
+            self.transport_all(Ballistic((v.density, v.speed, v.speed)), axes, dt)
+            return
+        w = bends_of_step(self.smooth_part(-3), self.grid.angle_width, dt)
+        plane = Ballistic((v.density, v.speed, v.speed, w.speed))
+        turning = Ballistic((w.density, w.speed, v.speed, v.speed))
+        self.transport_all(plane, axes, dt, turning)
+
+    def smooth_part(self, axis: int) -> float:
+        """What is a small part along an axis, by its resolution; see `fluxes.ballistic`."""
+        return smooth_part(self.grid.angles if axis == -3 else max(self.grid.plane.shape))
 
     def forces(self) -> AngleForces | None:
         """Interaction and walls at the present density; None without either.
@@ -171,6 +193,7 @@ class QStepper(Protocol):
 class _Forced:
     """What steppers share that keep the forces of the present density."""
 
+    order: ClassVar[int]
     quantity: ClassVar[Quantity] = "forces"
 
     def __init__(self, system: QSystem) -> None:
@@ -184,8 +207,21 @@ class _Forced:
         system = self._system
         self.forces = system.forces()
         self._allowed = largest_step(
-            system.fields, system.extents, system.terms, self.forces, system.limits()
+            system.fields, system.extents, system.terms, self.forces, self._limits
         )
+
+    @property
+    def _limits(self) -> Limits:
+        """A second-order scheme looks ahead, see `step_control.looking_ahead`."""
+        system, limits = self._system, self._system.limits()
+        if self.order < 2:
+            return limits
+        grid, shape = system.grid, system.grid.shape
+        far = [
+            looking_ahead(grid.width(k), shape[k] if k == -3 else max(shape[-2:]))
+            for k in system.axes
+        ]
+        return limits._replace(ahead=np.maximum(limits.distances, far))
 
     @property
     def largest_step(self) -> tuple[float, int]:
@@ -206,7 +242,7 @@ class Godunov(_Forced):
         system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
-        self._allowed = step_implicitly(*here, dt, system.limits())
+        self._allowed = step_implicitly(*here, dt, self._limits)
         return True
 
 
@@ -227,9 +263,9 @@ class KickDriftKick(_Forced):
         system = self._system
         kick_exactly(system.fields, system.extents, system.terms, self.forces, 0.5 * dt)
         axes = system.axes if count % 2 == 0 else system.axes[::-1]
-        system.transport_all(Ballistic(), axes, dt)
+        system.fly(axes, dt)
         system.narrow_extents()
         self.forces = system.forces()
         here = system.fields, system.extents, system.terms, self.forces
-        self._allowed = kick_exactly(*here, 0.5 * dt, system.limits())
+        self._allowed = kick_exactly(*here, 0.5 * dt, self._limits)
         return True

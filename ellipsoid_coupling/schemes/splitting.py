@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
+from ellipsoid_coupling.schemes.fluxes.ballistic import bends_of_step, smooth_part
 from ellipsoid_coupling.schemes.sources import (
+    ANGLE,
     Extremes,
     Kick,
     TurnWork,
@@ -27,12 +29,14 @@ from ellipsoid_coupling.schemes.sources import (
     step_implicitly,
 )
 from ellipsoid_coupling.schemes.step_control import CFL as CFL_NUMBER
-from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION
+from ellipsoid_coupling.schemes.step_control import FORCE, ROTATION, looking_ahead
 
 Floats = NDArray[np.float64]
 
 # A step that turns a cell by more than this (radian) does not resolve the torque.
-_LARGEST_TURN = 0.5
+LARGEST_TURN = 0.5
+# Grids of more cells than this, along the longer side, take shorter steps where turning limits them.
+_COARSE = 128
 # So many cells, of some 100 bytes each, do not fit into the cache. Where none feels the others, all is
 # done to them in one pass over memory then: a quarter less time, for some seconds more of compiling.
 _MANY_CELLS = 300_000
@@ -108,29 +112,49 @@ class Splitting(Protocol):
         ...
 
 
-def _step_for(rate: float, acceleration: float, distance: float) -> float:
-    """The dt that solves dt (rate + acceleration dt) = distance; infinite where nothing moves."""
-    root = rate + np.sqrt(rate * rate + 4.0 * acceleration * distance)
+def _step_for(rate: float, acceleration: float, distance: float, ahead: float) -> float:
+    """The dt in which nothing goes further than `distance`; infinite where nothing moves.
+
+    With ahead = distance it solves dt (rate + acceleration dt) = distance; a longer one gives a shorter
+    dt, see `looking_ahead`.
+    """
+    root = rate + np.sqrt(rate * rate + 4.0 * acceleration * ahead)
     # Not a number stays what it is, so that the caller notices.
     return float(2.0 * distance / root) if root != 0.0 else np.inf
 
 
-def _cfl_step(equation: SplitEquation, found: Extremes, cfl: float) -> tuple[float, int]:
-    """As long as nothing flies further than cfl cells."""
+def _cfl_step(
+    equation: SplitEquation, found: Extremes, distance: float, ahead: float
+) -> tuple[float, int]:
+    """As long as nothing flies further than `distance`."""
     speed, force = found.speed, found.force
-    distance = cfl * equation.cell
-    dt = _longest(speed, force, equation.terms.damping, distance)
+    dt = _longest(speed, force, equation.terms.damping, distance, ahead)
     return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
 
 
-def _longest(rate: float, force: float, damping: float, distance: float) -> float:
+def _longest(rate: float, force: float, damping: float, distance: float, ahead: float) -> float:
     """The dt in which nothing at this rate, driven by this force, goes further than `distance`.
 
     Rates grow by the force, but with damping Gamma never beyond force/Gamma: the better of the two
     bounds counts, so that stiff drag costs no steps.
     """
     terminal = max(rate, force / damping) if damping > 0.0 else np.inf
-    return max(_step_for(rate, force, distance), _step_for(terminal, 0.0, distance))
+    free = _step_for(rate, force, distance, ahead)
+    return max(free, _step_for(terminal, 0.0, distance, distance))
+
+
+def largest_turn(equation: SplitEquation) -> float:
+    """How far a cell may turn in a step (radian): less on finer grids, so that the order holds."""
+    return float(LARGEST_TURN * min(1.0, _COARSE / max(equation.drift.shape[1:])))
+
+
+def flight(equation: SplitEquation, dt: float) -> Ballistic:
+    """Ballistic transport of v_x, v_y and, where it turns, phi and omega."""
+    part = smooth_part(max(equation.drift.shape[1:]))
+    density, angle, speed = bends_of_step(part, equation.cell, dt)
+    turning = (angle, bends_of_step(part, 1.0, dt).speed)
+    carried = (speed, speed, *turning) if equation.fields.shape[0] > ANGLE else (speed, speed)
+    return Ballistic((density, *carried))
 
 
 class GodunovSplitting:
@@ -155,8 +179,8 @@ class GodunovSplitting:
         found = extremes(equation.fields, equation.drift)
         distance = cfl * equation.cell
         if found.speed > 0.0:
-            return _step_for(found.speed, 0.0, distance), CFL_NUMBER
-        return _cfl_step(equation, found, cfl)
+            return _step_for(found.speed, 0.0, distance, distance), CFL_NUMBER
+        return _cfl_step(equation, found, distance, distance)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
@@ -174,7 +198,6 @@ class KickDriftKick:
     refuses = False
 
     def __init__(self) -> None:
-        self._flux = Ballistic()
         self.found = Extremes(0.0, 0.0, 0.0, 0.0)
 
     def start(self, equation: SplitEquation) -> None:
@@ -192,8 +215,10 @@ class KickDriftKick:
     def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
         """From the fastest and the fastest turning cell."""
         found, damping = self.found, equation.terms.angular_damping
-        turning = _longest(found.spin, found.torque, damping, _LARGEST_TURN)
-        return min(_cfl_step(equation, found, cfl), (turning, ROTATION))
+        distance, turn = cfl * equation.cell, largest_turn(equation)
+        ahead = max(distance, looking_ahead(equation.cell, max(equation.drift.shape[1:])))
+        turning = _longest(found.spin, found.torque, damping, turn, LARGEST_TURN)
+        return min(_cfl_step(equation, found, distance, ahead), (turning, ROTATION))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred.
@@ -202,12 +227,13 @@ class KickDriftKick:
         """
         fields, drift, terms = equation.fields, equation.drift, equation.terms
         change, x_first = exact_kick(terms, 0.5 * dt), count % 2 == 0
+        flux = flight(equation, dt)
         before = kick_work(fields, drift, change, 0.5 * dt)
         if equation.interacts or drift[0].size < _MANY_CELLS:
-            equation.transport(self._flux, dt, x_first, (before, TurnWork(0.5 * dt)))
+            equation.transport(flux, dt, x_first, (before, TurnWork(0.5 * dt)))
             self._kick_anew(equation, change)
         else:
             after = kick_anew_work(fields, terms, drift, change, 0.5 * dt)
-            equation.transport(self._flux, dt, x_first, (before, after))
+            equation.transport(flux, dt, x_first, (before, after))
             self.found = after.found()
         return True

@@ -2,7 +2,8 @@
 
 A scheme says how long a step it allows and what for; from there on all models do the same:
 
-    choose    the fewest equal steps to the next save time, none longer than allowed
+    choose    the fewest equal steps to the end (particles: to the next save time), none longer than
+              allowed; grids reach save times on the way by a short step aside, see `Aside`
     accept    time and counts go on; the next step is what the scheme plans
     repeat    a step that turned out too long is taken back and tried shorter
     stop      below a millionth of a millionth of the time to reach, a step cannot be meant
@@ -45,6 +46,8 @@ CLOCK_COLUMNS = FIRST_COUNT + len(REASONS)
 
 # A step below this part of the time to reach cannot be meant.
 SMALLEST_STEP = 1e-12
+# Part of the domain. A larger one gives smaller errors and more steps after the start.
+_AHEAD = 1.0 / 32.0
 # A step that was refused is tried again at this part; after each accepted one it may grow likewise.
 _SHORTER = 0.5
 # Steps this much shorter than planned were cut to meet a save time.
@@ -73,6 +76,18 @@ def clock_fault(clock: Floats, low: float, high: float) -> str:
     if (clock[:, STATUS] != RUNNING).any() or (clock < 0.0).any():
         return "a status or a count that no run has"
     return ""
+
+
+def looking_ahead(cell: float, cells: int) -> float:
+    """How far ahead a second-order scheme looks for the speed that its step must suit, a length.
+
+    From rest, with acceleration a, a step that goes a part of a cell takes sqrt(2 h/a), and its error
+    of dt^3 is one of h^(3/2) at the end. The speed reached over a fixed part of the domain bounds the
+    step by a multiple of h from the first one on, however slow all is: at the start, or where it turns.
+
+    cells : how many there are along the direction, or the longer side of the domain
+    """
+    return cell * cells * _AHEAD
 
 
 @kernel
@@ -116,10 +131,47 @@ def reject(clock: Floats, until: float, shorter: float, reason: int) -> None:
         clock[STATUS] = STEP_TOO_SMALL
 
 
+class Aside:
+    """What a grid goes on from after a save time.
+
+    A step that was cut short to meet a save time would change all that follows. So the state is copied,
+    a short step leads to the save time, and after that the run goes on from the copy: the times that
+    are saved do not change the others.
+
+    Attributes
+    ----------
+    arrays : dict or None
+        The state before the short step; None while there is none.
+    until : float
+        The save time that it leads to.
+    """
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, NDArray[Any]] | None = None
+        self.until = math.inf
+
+    def keep(self, arrays: dict[str, NDArray[Any]], until: float) -> None:
+        """Copy a state, before a short step to the time `until`."""
+        self.arrays, self.until = {name: array.copy() for name, array in arrays.items()}, until
+
+
 class Steppable(Protocol):
-    """What `advance_by_limits` steps: an equation on a grid."""
+    """What `advance_by_limits` steps: an equation on a grid.
+
+    clock : (1, CLOCK_COLUMNS); end : the last save time; aside : empty at first.
+    """
 
     clock: Floats
+    end: float
+    aside: Aside
+
+    def live(self) -> dict[str, NDArray[Any]]:
+        """The arrays that are stepped, all that `restore` needs."""
+        ...
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Continue from a copy of `live`, and empty `aside`."""
+        ...
 
     def allowed_step(self) -> tuple[float, int]:
         """The step that the present state allows and its reason; 0 if it is not finite."""
@@ -140,7 +192,11 @@ def advance_by_limits(equation: Steppable, until: float, steps: int) -> int:
     int
         A status of `schemes.status`.
     """
+    if equation.aside.arrays is not None and until > equation.aside.until:
+        equation.restore(equation.aside.arrays)
+    aside = equation.aside
     clock = equation.clock[0]
+    end = max(until, equation.end) if aside.arrays is None else until
     for _ in range(steps):
         remaining = until - clock[TIME]
         if remaining <= 0.0:
@@ -151,15 +207,18 @@ def advance_by_limits(equation: Steppable, until: float, steps: int) -> int:
         held = clock[NEXT_STEP] if clock[PLANNED_BY] == REPEATED else np.inf
         if held <= allowed:
             allowed, reason = held, REPEATED
+        dt = equal_steps(end - clock[TIME], allowed)
+        if dt > remaining:
+            aside.keep(equation.live(), until)
+            end, dt = until, equal_steps(remaining, allowed)
         clock[NEXT_STEP], clock[PLANNED_BY] = allowed, reason
-        dt = equal_steps(remaining, allowed)
         while not equation.try_step(dt):
-            reject(clock, until, _SHORTER * dt, REPEATED)
+            reject(clock, end, _SHORTER * dt, REPEATED)
             if clock[STATUS] != RUNNING:
                 return int(clock[STATUS])
-            dt = equal_steps(remaining, clock[NEXT_STEP])
+            dt = equal_steps(end - clock[TIME], clock[NEXT_STEP])
         grown = dt / _SHORTER if clock[PLANNED_BY] == REPEATED else np.inf
-        accept(clock, until, dt, grown, REPEATED)
+        accept(clock, end, dt, grown, REPEATED)
     return RUNNING
 
 

@@ -58,7 +58,9 @@ def test_sample_forces(benchmark: Benchmark) -> None:
 
 
 @pytest.mark.parametrize("axis", [-1, -2, -3])
-@pytest.mark.parametrize("flux", [Force(0.0), Ballistic()], ids=["force", "ballistic"])
+@pytest.mark.parametrize(
+    "flux", [Force(0.0), Ballistic((0.05, *(0.1,) * 3))], ids=["force", "ballistic"]
+)
 def test_sweep(benchmark: Benchmark, flux: Any, axis: int) -> None:
     fields = np.zeros((4, 34, 64, 64))
     inside(fields)[0] = 1.0 + np.random.default_rng(4).random((30, 60, 60))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ellipsoid_coupling.output.labels import model_name, result_labels
+import pytest
+
+from ellipsoid_coupling.output.labels import model_name, print_warnings, result_labels
 from ellipsoid_coupling.result import Result
 
 
@@ -38,3 +40,16 @@ def test_what_nothing_tells_apart_is_numbered(particle_result: Result, rho_resul
 
 def test_unknown_models_keep_their_name() -> None:
     assert model_name("something_new") == "something_new"
+
+
+def test_what_runs_tell_is_printed_beside_their_names(
+    particle_result: Result, rho_result: Result, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_warnings([particle_result, rho_result])
+    assert capsys.readouterr().out == ""
+    told = replace(rho_result, attributes=rho_result.attributes | {"warnings": "One.\nTwo."})
+    print_warnings([particle_result, told])
+    printed = capsys.readouterr().out
+    assert "One." in printed
+    assert "Two." in printed
+    assert "microscopic" not in printed

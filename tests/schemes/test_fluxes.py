@@ -18,7 +18,11 @@ from ellipsoid_coupling.schemes.grid import GHOSTS, interior
 from tests.schemes.whole import sweep
 
 Floats = NDArray[np.float64]
-FLUXES = {"force": Force(0.0), "force with pressure": Force(1.0), "ballistic": Ballistic()}
+FLUXES = {
+    "force": Force(0.0),
+    "force with pressure": Force(1.0),
+    "ballistic": Ballistic((0.05, *(0.1,) * 4)),
+}
 BOTH = pytest.mark.parametrize("flux", list(FLUXES.values()), ids=list(FLUXES))
 
 
@@ -102,7 +106,7 @@ def test_ballistic_keeps_carried_quantities_in_their_range(seed: int) -> None:
     low, high = carried(fields).min(axis=1), carried(fields).max(axis=1)
     for axis in (-1, -2):
         fill_ghosts(fields, axis + 3, False, -axis)
-        sweep(Ballistic(), fields, axis, -axis, 0.9)
+        sweep(Ballistic((0.05, *(0.1,) * 4)), fields, axis, -axis, 0.9)
     rounding = 1e-12
     assert np.all(carried(fields).min(axis=1) >= low - rounding)
     assert np.all(carried(fields).max(axis=1) <= high + rounding)
@@ -149,7 +153,7 @@ def test_compiled_sweep_equals_its_plain_twin(flux: Any, columns: int) -> None:
     assert np.allclose(interior(fields)[:, 0], expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(("flux", "order"), [(Force(0.0), 1), (Ballistic(), 2)])
+@pytest.mark.parametrize(("flux", "order"), [(Force(0.0), 1), (Ballistic((0.05, *(0.1,) * 4)), 2)])
 def test_order_on_a_smooth_flight(flux: Any, order: int) -> None:
     """Rho = 1 + sin/2 flying with v = 1 + sin(2 pi x)/4 for t = 0.1, periodic; slope within 0.3.
 
@@ -189,7 +193,7 @@ def test_an_open_edge_lets_mass_leave() -> None:
     interior(fields)[0][:, -4:] = 2.0
     interior(fields)[1] = 0.8 * interior(fields)[0]
     fill_ghosts(fields, 2, False, 1)
-    sweep(Ballistic(), fields, -1, 1, 1.0)
+    sweep(Ballistic((0.05, *(0.1,) * 4)), fields, -1, 1, 1.0)
     assert interior(fields)[0].sum() == pytest.approx(5 * 2.0 * (4 - 0.8), rel=1e-14)
 
 

@@ -53,7 +53,7 @@ def test_positive_and_conservative_next_to_vacuum_and_at_any_step() -> None:
     for _ in range(5):
         fill_ghosts(fields, 2, True, 1)
         tilt[:, 0], tilt[:, -2] = 1.0 / tilt[:, 2], 1.0 / tilt[:, -4]
-        sweep(Kinetic(tilt.ravel()), fields, -1, 1, 1.5)
+        sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 1.5)
         assert inner[0].min() >= 0.0
     assert inner[0].sum() == pytest.approx(before, rel=1e-13)
 
@@ -76,10 +76,10 @@ def test_compiled_sweep_equals_its_plain_twin() -> None:
         thin = inverse[p - 1], inverse[p], inverse[p + 1]
         stencil = Stencil(below, here, above, thin, p, 1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found.append(plain(kinetic_outflow)(Kinetic(tilt), stencil, 0.3))
+            found.append(plain(kinetic_outflow)(Kinetic(tilt, 0.05), stencil, 0.3))
     up, down = np.transpose(found, (1, 2, 0))
     expected = flat[:, first : first + 13] - up[:, 1:-1] - down[:, 1:-1] + up[:, :-2] + down[:, 2:]
-    sweep(Kinetic(tilt), fields, -1, 1, 0.3)
+    sweep(Kinetic(tilt, 0.05), fields, -1, 1, 0.3)
     np.testing.assert_allclose(inner, expected, atol=1e-14)
 
 
@@ -92,7 +92,7 @@ def test_equilibrium_has_one_state_at_every_face() -> None:
     tilt[GHOSTS, GHOSTS : -GHOSTS - 1] = np.exp(-0.5 * np.diff(potential))
     fill_ghosts(fields, 2, False, 1)
     before = inner[0].copy()
-    sweep(Kinetic(tilt.ravel()), fields, -1, 1, 0.5)
+    sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 0.5)
     np.testing.assert_allclose(inner[0], before, rtol=1e-14)
 
 
@@ -105,6 +105,6 @@ def test_a_shifted_gaussian_in_a_harmonic_potential_has_one_slope() -> None:
     tilt[GHOSTS, GHOSTS : -GHOSTS - 1] = np.exp(-0.25 * np.diff(x**2))
     fill_ghosts(fields, 2, False, 1)
     centre = (inner[0] * x).sum()
-    sweep(Kinetic(tilt.ravel()), fields, -1, 1, 0.5)
+    sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 0.5)
     # The outermost cells, with 1e-7 of the mass, have no neighbour to take a slope from.
     assert (inner[0] * x).sum() == pytest.approx(centre, abs=1e-6)

@@ -19,7 +19,7 @@ from tests.schemes.whole import sweep
 
 Floats = NDArray[np.float64]
 
-FLUXES = pytest.mark.parametrize("flux", [Ballistic(), Force(0.0), Force(1.0)])
+FLUXES = pytest.mark.parametrize("flux", [Ballistic((0.05, *(0.1,) * 3)), Force(0.0), Force(1.0)])
 ORDERS = pytest.mark.parametrize("x_first", [True, False])
 BOUNDARIES = pytest.mark.parametrize("reflecting", [True, False])
 
@@ -77,7 +77,7 @@ def test_many_short_strips(
 ) -> None:
     """Cuts after every second to third row, as on a machine with very many threads."""
     start = some_fields((23, 12), 5)
-    expected, _ = swept_twice(Ballistic(), start, 0.4, x_first, reflecting)
+    expected, _ = swept_twice(Ballistic((0.05, *(0.1,) * 3)), start, 0.4, x_first, reflecting)
     monkeypatch.setattr("ellipsoid_coupling.schemes.planes._SHORTEST", 3)
     monkeypatch.setattr("ellipsoid_coupling.schemes.planes._STRIPS", 10)
     whole_plane.cache_clear()
@@ -86,7 +86,7 @@ def test_many_short_strips(
     assert strips.above.size >= 7
     fields = start.copy()
     move = Move(x_first, 0.4, reflecting)
-    sweep_planes(Ballistic(), fields.reshape(4, -1), plane, strips, spans, move)
+    sweep_planes(Ballistic((0.05, *(0.1,) * 3)), fields.reshape(4, -1), plane, strips, spans, move)
     np.testing.assert_array_equal(fields[:, 2:-2, 2:-2], expected)
 
 
@@ -118,7 +118,9 @@ def test_two_clouds_in_a_plane() -> None:
     for x_first in (True, False):
         moved, left = fields.copy(), np.zeros(1)
         extents = occupied_extents(moved)
-        transport_in_plane(Ballistic(), moved, Move(x_first, 0.4, False), extents, left)
+        transport_in_plane(
+            Ballistic((0.05, *(0.1,) * 3)), moved, Move(x_first, 0.4, False), extents, left
+        )
         # A fifth of each of six cells at the lower edge.
         assert left[0] == pytest.approx(6 * 0.2, rel=1e-13)
         assert inside(moved)[0].sum() == pytest.approx(inner[0].sum() - left[0], rel=1e-13)
@@ -164,6 +166,11 @@ def test_walls_are_swept_like_mirrors(axis: int) -> None:
         double[:, 2:-2, 2:-2] = doubled
         for fields in (single, double):
             whole = whole_plane(fields.shape[1:], numba.get_num_threads())
-            sweep_planes(Ballistic(), fields.reshape(4, -1), *whole, Move(x_first, 0.4, True))
+            sweep_planes(
+                Ballistic((0.05, *(0.1,) * 3)),
+                fields.reshape(4, -1),
+                *whole,
+                Move(x_first, 0.4, True),
+            )
         half = np.split(double[:, 2:-2, 2:-2], 2, axis=axis)[1]
         np.testing.assert_allclose(single[:, 2:-2, 2:-2], half, atol=1e-15)

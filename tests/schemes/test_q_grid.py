@@ -29,7 +29,7 @@ from tests.schemes.whole import sweep
 Floats = NDArray[np.float64]
 
 GRID = QGrid(Grid(0.0, 0.0, 0.1, 9, 7), 12)
-FLUXES = pytest.mark.parametrize("flux", [Ballistic(), Force(0.0), Force(1.0)])
+FLUXES = pytest.mark.parametrize("flux", [Ballistic((0.05, *(0.1,) * 3)), Force(0.0), Force(1.0)])
 AXES = pytest.mark.parametrize("axis", [-1, -2, -3])
 
 
@@ -141,7 +141,9 @@ def test_long_rows_go_round_piece_by_piece(flux: Any) -> None:
     np.testing.assert_array_equal(inside(fields), inside(whole))
 
 
-@pytest.mark.parametrize("flux", [Ballistic(), Force(1.0), Kinetic(np.zeros(0))])
+@pytest.mark.parametrize(
+    "flux", [Ballistic((0.05, *(0.1,) * 3)), Force(1.0), Kinetic(np.zeros(0), 0.05)]
+)
 @pytest.mark.parametrize("angles", [3, 4, 5, 6])
 def test_short_rings(flux: Any, angles: int) -> None:
     """Without a look at the angle's ghosts: bit for bit, all planes with mass, some, or all but one."""
@@ -156,7 +158,7 @@ def test_short_rings(flux: Any, angles: int) -> None:
             tilt = np.zeros(fields.shape[1:])
             tilt[2:-2] = rng.uniform(0.9, 1.1, (angles, 6, 9))
             fill_periodic(tilt[None], 1)
-            here = Kinetic(tilt.ravel())
+            here = Kinetic(tilt.ravel(), 0.05)
         twin = fields.copy()
         fill_periodic(twin, 1)
         sweep(here, twin, -3, 3, 0.3)

@@ -123,7 +123,7 @@ def test_a_step_in_one_pass_is_its_parts_one_by_one(
 
     def flown(fields: Floats, work: tuple[Any, Any]) -> float:
         flat = fields.reshape(components, -1)
-        return sweep_planes(Ballistic(), flat, plane, strips, spans, move, work)
+        return sweep_planes(Ballistic((0.1,) * components), flat, plane, strips, spans, move, work)
 
     # With work that changes nothing.
     apart, others, nothing = start.copy(), drift.copy(), Kick(1.0, 0.0, 1.0, 0.0)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
 from ellipsoid_coupling.schemes.step_control import (
@@ -17,6 +19,7 @@ from ellipsoid_coupling.schemes.step_control import (
     ROTATION,
     STATUS,
     TIME,
+    Aside,
     accept,
     advance_by_limits,
     equal_steps,
@@ -34,8 +37,15 @@ class Toy:
         refused_above: Callable[[float], float] = lambda _t: np.inf,
     ) -> None:
         self.clock = new_clock(1, np.inf, CFL)
+        self.end, self.aside = 0.0, Aside()
         self.allowed, self.refused_above = allowed, refused_above
         self.steps: list[float] = []
+
+    def live(self) -> dict[str, NDArray[Any]]:
+        return {"clock": self.clock}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        self.clock[...], self.aside = state["clock"], Aside()
 
     def allowed_step(self) -> tuple[float, int]:
         return self.allowed(float(self.clock[0, TIME])), CFL
@@ -55,6 +65,20 @@ def test_equal_steps_meet_the_end_and_none_is_too_long() -> None:
         assert 1.0 / dt == pytest.approx(round(1.0 / dt), rel=1e-12)
         assert dt > 0.5 * min(largest, 1.0)
     assert equal_steps(1.0, np.inf) == 1.0
+
+
+@pytest.mark.parametrize("refused_above", [np.inf, 0.02])
+def test_save_times_on_the_way_bend_no_step(refused_above: float) -> None:
+    """Short steps aside meet them exactly; the clock at the end is the same to the bit."""
+    one, other = (Toy(lambda t: 0.07 + 0.01 * t, lambda _t: refused_above) for _ in range(2))
+    one.end = other.end = 1.7
+    assert advance_by_limits(one, 1.7, 10_000) == RUNNING
+    # Two within one step, and calls of a single step.
+    for until in (0.3, 0.31, 0.5, 1.7):
+        while other.clock[0, TIME] < until:
+            advance_by_limits(other, until, 1)
+        assert other.clock[0, TIME] == until
+    np.testing.assert_array_equal(other.clock, one.clock)
 
 
 def test_time_meets_save_times_exactly_and_steps_add_up() -> None:

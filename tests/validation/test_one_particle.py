@@ -20,8 +20,7 @@ SCHEMES = pytest.mark.parametrize("scheme", ["paper", "accurate"])
 
 # Short enough that no pressure wave (speed 1) reaches the domain's open edge.
 DRAG, ANGULAR_DRAG, STIFFNESS, END = 1.5, 2.5, 2.0, 0.05
-# Grids step by no more: they start at rest, where nothing else bounds a step.
-TIMES = [float(t) for t in np.linspace(0.0, END, 26)[1:]]
+TIMES = [END]
 PLACE = np.array([0.41, 0.21])
 
 
@@ -56,7 +55,8 @@ def run(name: str, model: str, scheme: Any, **others: Any) -> dict[str, float]:
         "domain.y": [-0.2, 0.6],
         "numerics.cell": h,
         "numerics.angle_cells": 12,
-        "numerics.cfl": 0.1,
+        # From rest, speed bounds no step of a first-order scheme; sound bounds those of the other.
+        "numerics.cfl": 0.1 if model == "q_maxwellian" else 0.005,
         "numerics.time_step": 0.002,
         "numerics.tolerance": 1e-8,
     }

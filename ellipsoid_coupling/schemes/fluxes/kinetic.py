@@ -46,8 +46,6 @@ Floats = NDArray[np.float64]
 
 ORDER = 2
 
-# Neighbouring slopes that differ by less are those of a smooth profile, at an extremum as well.
-_SMOOTH = 0.05
 # A steeper profile within a cell, from centre to face, is not believed.
 _STEEPEST = 2.0
 _CARRIED_LIMIT = 1.0
@@ -59,6 +57,13 @@ _INVERSE_ROOT = 1.0 / math.sqrt(2.0 * math.pi)
 _FASTEST = 20.0
 
 
+class Limits(NamedTuple):
+    """What is smooth and what is empty, see `Kinetic`."""
+
+    smooth: float
+    vacuum: float
+
+
 class Kinetic(NamedTuple):
     """The kinetic flux in a field of force.
 
@@ -67,10 +72,15 @@ class Kinetic(NamedTuple):
     tilt : (cells,) float64
         exp(work/2) of the force from a cell's centre to the next one's, flat like the fields: the
         ratio of the equilibrium's densities at the face between and at the centre.
+    smooth : float
+        Neighbouring slopes that differ by less are those of a smooth profile, at an extremum as well: of
+        ln q, and of velocities in units of the thermal one, in any moving frame alike. It falls with the
+        cell width (`ballistic.smooth_part`), and so does what the head of a rarefaction overshoots by.
     vacuum : float
     """
 
     tilt: Floats
+    smooth: float
     vacuum: float = VACUUM
 
 
@@ -95,7 +105,7 @@ def _half_moments(v: float) -> tuple[float, float]:
 
 @inline_kernel
 def face_factor(
-    before: float, here: float, after: float, rise: float, fall: float, vacuum: float
+    before: float, here: float, after: float, rise: float, fall: float, limits: Limits
 ) -> float:
     """exp(slope/2), the density at the upper face over that of the equilibrium through the centre.
 
@@ -103,21 +113,20 @@ def face_factor(
     beside vacuum and at extrema, unless they are smooth. `rise` and `fall` lead from the centre to
     the upper and the lower face.
     """
-    filled = min(before, here, after) > vacuum
+    filled = min(before, here, after) > limits.vacuum
     low = here * fall * fall / before if filled else 1.0
     high = after / (rise * rise * here) if filled else 1.0
     mean = math.sqrt(math.sqrt(low * high))
     rising = min(min(low, high), min(mean, _STEEPEST))
     falling = max(max(low, high), max(mean, 1.0 / _STEEPEST))
     limited_one = rising if min(low, high) > 1.0 else falling if max(low, high) < 1.0 else 1.0
-    return mean if abs(high - low) <= _SMOOTH * low else limited_one
+    return mean if abs(high - low) <= limits.smooth * low else limited_one
 
 
 @inline_kernel
-def _slope(before: float, here: float, after: float, filled: bool) -> float:
+def _slope(before: float, here: float, after: float, filled: bool, smooth: float) -> float:
     """The limited slope of a carried quantity; none beside vacuum, where it has no value."""
-    size = max(abs(before), abs(here), abs(after))
-    return limited(here - before, after - here, _CARRIED_LIMIT, size) if filled else 0.0
+    return limited(here - before, after - here, _CARRIED_LIMIT, smooth) if filled else 0.0
 
 
 @inline_kernel
@@ -125,6 +134,7 @@ def _carried_outflow(
     masses: tuple[float, float],
     centre: float,
     filled: bool,
+    smooth: float,
     inverse: tuple[float, float, float],
     below: float,
     here: float,
@@ -132,7 +142,7 @@ def _carried_outflow(
 ) -> tuple[float, float]:
     """What leaves a cell of a carried quantity with these masses, upwards and downwards."""
     value = here * inverse[1]
-    change = _slope(below * inverse[0], value, above * inverse[2], filled)
+    change = _slope(below * inverse[0], value, above * inverse[2], filled, smooth)
     return masses[0] * (value + change * (0.5 - centre)), masses[1] * (
         value - change * (0.5 + centre)
     )
@@ -145,10 +155,12 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     density = here[DENSITY]
     rise = element(flux.tilt, stencil.cell)
     fall = 1.0 / element(flux.tilt, stencil.cell - stencil.stride)
-    factor = face_factor(below[DENSITY], density, above[DENSITY], rise, fall, flux.vacuum)
+    factor = face_factor(
+        below[DENSITY], density, above[DENSITY], rise, fall, Limits(flux.smooth, flux.vacuum)
+    )
     filled = min(below[DENSITY], density, above[DENSITY]) > flux.vacuum
     v = here[ALONG] * inverse[1]
-    dv = _slope(below[ALONG] * inverse[0], v, above[ALONG] * inverse[2], filled)
+    dv = _slope(below[ALONG] * inverse[0], v, above[ALONG] * inverse[2], filled, flux.smooth)
     # The centre of mass of an exponential profile, to second order.
     at_top, at_bottom = factor * rise, fall / factor
     centre = (at_top - at_bottom) / 12.0
@@ -160,7 +172,7 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     up, down = share * upper * mass_up, share * lower * mass_down
     carried_up, carried_down = each(
         _carried_outflow,
-        ((up, down), centre, filled, inverse),
+        ((up, down), centre, filled, flux.smooth, inverse),
         (below[2:], here[2:], above[2:]),
     )
     along_up, along_down = share * upper * momentum_up, -share * lower * momentum_down

@@ -1,0 +1,64 @@
+"""What a user should know of a run that came to its end, as sentences: `Result.warnings`.
+
+A model decides what applies to it and hands the sentences over in its `counts`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ellipsoid_coupling.scenes import Scene
+
+
+def as_counts(*told: Sequence[str]) -> dict[str, str]:
+    """The attribute `warnings` of the result file, a line each; no attribute without any."""
+    lines = [line for one in told for line in one]
+    return {"warnings": "\n".join(lines)} if lines else {}
+
+
+def of_crossing(time: float) -> list[str]:
+    """When characteristics crossed; NaN if they have not."""
+    if not math.isfinite(time):
+        return []
+    return [
+        f"Characteristics crossed at t = {time:.4g}: a mono-kinetic closure has no meaning after that."
+    ]
+
+
+def of_start(scene: Scene) -> list[str]:
+    """Where a grid cannot hold the start as it is."""
+    start, cell = scene.start, scene.numerics.cell
+    if start.points:
+        return [
+            f"start.points start as whole cells of {cell:g}, each about the cell that holds it."
+        ]
+    sides = [high - low for low, high in (start.x, start.y)]
+    # Boxes of one cell are given with rounding.
+    if min(sides) >= cell * (1.0 - 1e-9):
+        return []
+    return [
+        f"The start box is {sides[0]:.4g} x {sides[1]:.4g}, narrower than a cell of {cell:g}: it starts "
+        "one cell wide, about the same middle."
+    ]
+
+
+def of_mixed_angles(scene: Scene) -> list[str]:
+    """Where a mean angle may stand for particles that look elsewhere."""
+    angles = [angle for _, _, angle in scene.start.places()]
+    if not angles or max(angles) - min(angles) <= 0.5 * math.pi:
+        return []
+    return [
+        "Start angles differ by more than pi/2: where particles of several angles meet, a cell has their "
+        "mean, also of ellipses that look alike at 0 and pi."
+    ]
+
+
+def of_one_angle(scene: Scene, turns: bool) -> list[str]:
+    """Where one cell stands for all angles, and what it holds turns."""
+    if not turns:
+        return []
+    return [
+        f"Circles of diameter {scene.particles.length:g} look the same at every angle: this model does "
+        "not follow it, and its distribution of the angle is even."
+    ]

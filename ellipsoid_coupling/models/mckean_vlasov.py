@@ -44,8 +44,9 @@ from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
+from ellipsoid_coupling.schemes.particles.blocks import Alone, Forces
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces
+from ellipsoid_coupling.schemes.particles.together import TOGETHER
 from ellipsoid_coupling.schemes.status import LEFT_FLOW, MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
     GIVEN,
@@ -135,9 +136,9 @@ class McKeanVlasov:
         particles = setup.scene.particles
         weights = 1.0 / particles.mass, 1.0 / particles.inertia
         self._rates = scene_rates(setup)
-        self._limits = scene_limits(setup)
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
+        self._limits = scene_limits(setup, samples)
         self._interaction = _scene_samples(setup.scene, samples)
         alone = Alone(drift._replace(pairs=None), drift.pairs)
         # Not a method: a model that refers to itself keeps its memory until the garbage is collected.

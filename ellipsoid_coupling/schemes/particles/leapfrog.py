@@ -22,7 +22,9 @@ from ellipsoid_coupling.schemes.particles.state import (
     Rates,
     all_finite,
     bounce,
+    largest_forces,
     noise_rows,
+    note_forces,
 )
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
@@ -79,6 +81,7 @@ def _step(
 ) -> None:
     clock = state.clock[k]
     clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k])
+    note_forces(clock, *largest_forces(state.force[k]))
     move(state, k, step, rates, limits, dt)
     if not all_finite(state.place[k]):
         clock[STATUS] = NOT_FINITE

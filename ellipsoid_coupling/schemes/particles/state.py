@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.schemes.particles.extremes import largest_size
+from ellipsoid_coupling.schemes.step_control import LARGEST_FORCE, LARGEST_TORQUE
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +57,30 @@ class Rates(NamedTuple):
     last_noisy: int
 
 
+class Contact(NamedTuple):
+    """What bounds a step by who may meet in it; see `schemes.particles.collisions`.
+
+    Attributes
+    ----------
+    reach : float
+        The pair potential vanishes beyond this distance of the centres.
+    width : float
+        So far may a pair within reach move against one another.
+    lever : float
+        How far a particle's rim moves a radian that it turns, at most; 0 for circles.
+    pull : (3, D) float64
+        The largest acceleration by one neighbour, by all of them and by ghosts, in units of `scale`.
+    ghost_reach : float
+        Ghost particles of walls act so far into the box; 0 without.
+    """
+
+    reach: float
+    width: float
+    lever: float
+    pull: Floats
+    ghost_reach: float
+
+
 class Limits(NamedTuple):
     """What bounds a step, and the box that reflects.
 
@@ -68,12 +94,15 @@ class Limits(NamedTuple):
         The particle's length L for positions, 1 radian for the angle.
     box : (2, 2) float64 or None
         [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
+    contact : Contact or None
+        None without interaction.
     """
 
     step: float
     tolerance: float
     scale: Floats
     box: Floats | None
+    contact: Contact | None = None
 
 
 @kernel
@@ -83,6 +112,20 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
         return None
     rows: Floats = noise[k, step]
     return rows
+
+
+@kernel
+def largest_forces(force: Floats) -> tuple[float, float]:
+    """The largest |F_x| or |F_y| and |F_bar| of forces (D, N)."""
+    torque = largest_size(force[ANGLE]) if force.shape[0] > ANGLE else 0.0
+    return max(largest_size(force[X]), largest_size(force[Y])), torque
+
+
+@kernel
+def note_forces(clock: Floats, force: float, torque: float) -> None:
+    """Keep the largest force and torque of all steps."""
+    clock[LARGEST_FORCE] = max(clock[LARGEST_FORCE], force)
+    clock[LARGEST_TORQUE] = max(clock[LARGEST_TORQUE], torque)
 
 
 @kernel

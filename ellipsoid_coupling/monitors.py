@@ -11,8 +11,10 @@ After every call of `advance` a model tells its `Health`. It must stay
                 |F| t where nothing damps
 
 The last is a law of v' = F - Gamma v + A dW/dt, so a scheme that breaks it by ten times feeds energy
-in: its step is too long. Particles outside the flow and steps that vanish are told by the models.
-`Pace` watches the clock on the wall: a run whose end is out of sight is no run that was meant.
+in: its step is too long. Particles tell the largest force of all their steps, from the start on: it
+does not matter where in a period they are looked at. Particles outside the flow and steps that vanish
+are told by the models. `Pace` watches the clock on the wall: a run whose end is out of sight is no run
+that was meant.
 """
 
 from __future__ import annotations

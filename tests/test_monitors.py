@@ -92,6 +92,39 @@ def test_an_unstable_leapfrog_is_stopped_early() -> None:
         ec.simulate(scene, "microscopic", "paper")
 
 
+@pytest.mark.parametrize("step", [0.0471, 0.05, 0.0531, 2.0 * np.pi / 64.0])
+def test_forces_count_wherever_a_run_is_looked_at(step: float) -> None:
+    """An undamped oscillation of all in step: wherever looks fall in a period, it is sound."""
+    part = {"interaction": None, "noise": None, "numerics.time_step": step, "times": [20.0]}
+    scene = ec.load_scene("stationary", part | {"particles.number": 20})
+    ec.simulate(scene, "microscopic", "paper", realisations=2)
+
+
+@pytest.mark.parametrize("scheme", ["paper", "accurate"])
+@pytest.mark.parametrize("name", ["microscopic", "mckean_vlasov"])
+def test_what_pushed_within_a_call_has_been_seen(name: str, scheme: Any) -> None:
+    """Two small ellipses that overlap at the start have flown apart before the first look."""
+    small = {
+        "particles.length": 0.02,
+        "particles.width": 0.01,
+        "particles.number": 2,
+        "particles.realisations": 1,
+        "start.points": [[0.0, 0.0], [0.005, 0.002]],
+        "domain.x": [-1.0, 1.0],
+        "domain.y": [-1.0, 1.0],
+        "start.x": [-0.5, 0.5],
+        "start.y": [-0.5, 0.5],
+        "outer_potential": None,
+        "angular_potential": None,
+        "noise": None,
+        "numerics.time_step": 1e-3,
+        "times": [0.5],
+    }
+    result = ec.simulate(ec.load_scene("stationary", small), name, scheme)
+    speed = np.hypot(result.variables["velocity_x"], result.variables["velocity_y"])
+    assert speed[-1].min() > 0.3  # U/(2 m) of each has become speed
+
+
 def test_strong_noise_is_no_alarm() -> None:
     """Equilibrium speeds have variance 1 whatever A is; ten standard deviations are allowed."""
     noise = {"noise.noise": 30.0, "noise.angular_noise": 30.0, "interaction": None}

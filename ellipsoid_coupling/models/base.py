@@ -41,8 +41,8 @@ class Health(NamedTuple):
     speeds : (float, float)
         Root mean square of v and of omega, by mass.
     forces : (float, float)
-        Bounds of the drift now, per mass and per inertia, without its linear part; infinite where
-        something else drives as well (pressure).
+        Bounds of the drift, per mass and per inertia, without its linear part: of particles, in all
+        steps so far, of grids now; infinite where something else drives as well (pressure).
     outside : int
         Particles' coordinates beyond reflecting walls; 0 for grids and where edges are open.
     """

@@ -48,8 +48,9 @@ from ellipsoid_coupling.models.parts import (
 from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
+from ellipsoid_coupling.schemes.particles.blocks import Alone, Forces
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER, Alone, Forces
+from ellipsoid_coupling.schemes.particles.together import TOGETHER
 from ellipsoid_coupling.schemes.status import MEANING, RUNNING
 from ellipsoid_coupling.schemes.step_control import GIVEN, STATUS, TIME, new_clock
 
@@ -126,9 +127,9 @@ class McKeanVlasov:
         particles = setup.scene.particles
         weights = 1.0 / particles.mass, 1.0 / particles.inertia
         self._rates = scene_rates(setup)
-        self._limits = scene_limits(setup)
         self._state = start_state(setup)
         samples = self._state.place.shape[0] * self._state.place.shape[2]
+        self._limits = scene_limits(setup, samples)
         asked = scene_samples(setup.scene, samples)
         self._interaction = None if asked is None else choose_samples(asked)
         alone = Alone(drift._replace(pairs=None), drift.pairs)

@@ -36,15 +36,16 @@ from ellipsoid_coupling.models.parts import (
 from ellipsoid_coupling.models.spot import Spot
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.schemes.particles import SCHEMES
+from ellipsoid_coupling.schemes.particles.blocks import Forces
 from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER, Forces
+from ellipsoid_coupling.schemes.particles.together import TOGETHER
 from ellipsoid_coupling.schemes.status import MEANING
 from ellipsoid_coupling.schemes.step_control import GIVEN, STATUS, TIME, new_clock
 
 Floats = NDArray[np.float64]
 
-# Without noise a call of `advance` may take any number of steps. The monitors look after each: pairs
-# push one another within a few steps, and what pushed must be seen; the fluid's pull changes slowly.
+# Without noise a call of `advance` may take any number of steps. The monitors look after each, and
+# progress is shown.
 _STEPS_PER_CALL, _FREE_STEPS_PER_CALL = 16, 32
 # So many free particles are stepped one realisation at a time, in the second cache, and looked at all
 # together, from memory (128 x 1000 of them, `paper`: a look is 2.0 % of 32 steps, 1.3 % of 48).

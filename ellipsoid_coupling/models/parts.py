@@ -19,8 +19,19 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.drive import CellTerms
 from ellipsoid_coupling.schemes.grid import Grid
 from ellipsoid_coupling.schemes.noise import start_positions
-from ellipsoid_coupling.schemes.particles.state import Limits, ParticleState, Rates
-from ellipsoid_coupling.schemes.step_control import TIME, step_log
+from ellipsoid_coupling.schemes.particles.collisions import (
+    GHOSTS_IN_REACH,
+    contact_of,
+    highest,
+    steepest,
+)
+from ellipsoid_coupling.schemes.particles.state import Contact, Limits, ParticleState, Rates
+from ellipsoid_coupling.schemes.step_control import (
+    LARGEST_FORCE,
+    LARGEST_TORQUE,
+    TIME,
+    step_log,
+)
 from ellipsoid_coupling.schemes.survey import survey_particles
 
 Floats = NDArray[np.float64]
@@ -108,18 +119,41 @@ def scene_rates(setup: Setup) -> Rates:
     )
 
 
-def scene_limits(setup: Setup) -> Limits:
-    """Step size, tolerance, reflecting box and mesh that can be left, of the particle steppers."""
-    numerics, domain = setup.scene.numerics, setup.scene.domain
-    scale = np.array([setup.scene.particles.length] * 2 + [1.0])
-    box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
-    return Limits(
-        numerics.time_step,
-        numerics.tolerance,
-        scale[: 3 if setup.terms.angle else 2],
-        box,
-        mesh=scene_mesh(setup),
+def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
+    """What bounds steps where so many particles meet; None without interaction."""
+    scene, rates = setup.scene, scene_rates(setup)
+    if scene.interaction is None:
+        return None
+    particles, strength = scene.particles, scene.interaction.strength
+    shape = potential_shape(particles.length, particles.width)
+    slope, torque = steepest(shape)
+    weight = np.array([1.0 / particles.mass] * 2 + [1.0 / particles.inertia])[: len(scale)]
+    crowd = strength * weight * np.array([slope, slope, torque])[: len(scale)] / scale
+    ghosts = GHOSTS_IN_REACH * scene.walls.strength_factor if scene.walls else 0.0
+    # The thermal energy of a degree of freedom, per mass, is A^2/(2 Gamma).
+    thermal = rates.amplitude**2 > 0.0
+    heat = rates.amplitude[thermal] ** 2 / (2.0 * rates.damping[thermal])
+    height = strength / number * highest(shape) * weight[thermal]
+    return contact_of(
+        shape,
+        scene.numerics.tolerance,
+        np.array([crowd / number, crowd, ghosts / particles.number * crowd]),
+        scene.walls is not None,
+        float((height / heat).max(initial=0.0)),
     )
+
+
+def scene_limits(setup: Setup, number: int | None = None) -> Limits:
+    """Step size, tolerance, reflecting box, mesh that can be left, and contacts of the steppers.
+
+    number : how many particles share the interaction's strength, the scene's number if None.
+    """
+    numerics, domain = setup.scene.numerics, setup.scene.domain
+    scale = np.array([setup.scene.particles.length] * 2 + [1.0])[: 3 if setup.terms.angle else 2]
+    box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
+    contact = scene_contact(setup, scale, number or setup.scene.particles.number)
+    mesh = scene_mesh(setup)
+    return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact)
 
 
 def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
@@ -263,8 +297,10 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
 def particle_health(state: ParticleState, box: Floats | None) -> Health:
     """Of all realisations together, between the walls `box` of `Limits`."""
     place, velocity, force = state[:3]
-    v, omega, pull, torque, outside = survey_particles(place, velocity, force, box)
-    return Health(1.0 - frozen_part(state), 0.0, (v, omega), (pull, torque), outside)
+    v, omega, _, _, outside = survey_particles(place, velocity, force, box)
+    clock = state.clock
+    forces = float(clock[:, LARGEST_FORCE].max()), float(clock[:, LARGEST_TORQUE].max())
+    return Health(1.0 - frozen_part(state), 0.0, (v, omega), forces, outside)
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

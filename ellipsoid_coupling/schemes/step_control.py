@@ -26,12 +26,15 @@ from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMAL
 Floats = NDArray[np.float64]
 
 # Columns of a clock. NEXT_STEP is planned because of the reason PLANNED_BY; SHORTEST was at
-# SHORTEST_AT; from FIRST_COUNT on stand the numbers of steps that each reason has limited.
+# SHORTEST_AT; LARGEST_FORCE and LARGEST_TORQUE of all steps so far, of particles; WORST_ERROR since the
+# step was changed, at CHANGED_AT steps, where it is held; from FIRST_COUNT on stand the numbers of steps
+# that each reason has limited.
 TIME, NEXT_STEP, PLANNED_BY, STEPS, REJECTED, OUTSIDE, STATUS = range(7)
-SHORTEST, SHORTEST_AT, LONGEST, FIRST_COUNT = range(7, 11)
+SHORTEST, SHORTEST_AT, LONGEST, LARGEST_FORCE, LARGEST_TORQUE = range(7, 12)
+WORST_ERROR, CHANGED_AT, FIRST_COUNT = range(12, 15)
 
 # What limits a step.
-SAVE_TIME, GIVEN, CFL, FORCE, ROTATION, POSITION_ERROR, ANGLE_ERROR, REPEATED = range(8)
+SAVE_TIME, GIVEN, CFL, FORCE, ROTATION, POSITION_ERROR, ANGLE_ERROR, REPEATED, COLLISION = range(9)
 REASONS = (
     "save times",
     "given step",
@@ -41,6 +44,7 @@ REASONS = (
     "position error",
     "angle error",
     "repeated step",
+    "collision",
 )
 CLOCK_COLUMNS = FIRST_COUNT + len(REASONS)
 
@@ -50,6 +54,8 @@ SMALLEST_STEP = 1e-12
 _AHEAD = 1.0 / 32.0
 # A step that was refused is tried again at this part; after each accepted one it may grow likewise.
 _SHORTER = 0.5
+# A step that is held grows by no less than this.
+_LEAST_GROWTH = 1.2
 # Steps this much shorter than planned were cut to meet a save time.
 _CUT = 1.0 - 1e-9
 
@@ -123,12 +129,42 @@ def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int
 
 
 @kernel
+def shorten(clock: Floats, until: float, shorter: float, reason: int) -> None:
+    """Plan a shorter step, or give up. One row, in place."""
+    clock[NEXT_STEP], clock[PLANNED_BY] = shorter, reason
+    clock[WORST_ERROR], clock[CHANGED_AT] = 0.0, clock[STEPS]
+    if not shorter > SMALLEST_STEP * until:
+        clock[STATUS] = STEP_TOO_SMALL
+
+
+@kernel
 def reject(clock: Floats, until: float, shorter: float, reason: int) -> None:
     """A step was too long: plan a shorter one, or give up. One row, in place."""
     clock[REJECTED] += 1.0
-    clock[NEXT_STEP], clock[PLANNED_BY] = shorter, reason
-    if not shorter > SMALLEST_STEP * until:
-        clock[STATUS] = STEP_TOO_SMALL
+    shorten(clock, until, shorter, reason)
+
+
+@kernel
+def step_factor(error: float) -> float:
+    """How much longer the next step may be: the estimate is of third order in dt, 0.9 aims below."""
+    if not math.isfinite(error):
+        return 0.1
+    return min(2.0, max(0.3, float(0.9 * (error + 1e-6) ** (-1.0 / 3.0))))
+
+
+@kernel
+def held_step(clock: Floats, dt: float, error: float) -> float:
+    """The step to plan after one of dt where each change of it costs energy. One row, in place.
+
+    It grows only after as many steps as were taken before the last change, and only if the worst
+    error since then allows a fifth more: the number of changes goes with the logarithm of the steps.
+    """
+    clock[WORST_ERROR] = max(clock[WORST_ERROR], error)
+    growth = step_factor(clock[WORST_ERROR])
+    if clock[STEPS] + 1.0 < 2.0 * clock[CHANGED_AT] or growth < _LEAST_GROWTH:
+        return float(clock[NEXT_STEP])
+    clock[WORST_ERROR], clock[CHANGED_AT] = 0.0, clock[STEPS] + 1.0
+    return growth * dt
 
 
 class Aside:

@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
 from ellipsoid_coupling.schemes.step_control import (
     CFL,
+    CHANGED_AT,
+    COLLISION,
     FIRST_COUNT,
     GIVEN,
     NEXT_STEP,
     POSITION_ERROR,
     ROTATION,
     STATUS,
+    STEPS,
     TIME,
     Aside,
     accept,
     advance_by_limits,
     equal_steps,
+    held_step,
     new_clock,
+    shorten,
     step_log,
 )
 
@@ -158,3 +163,34 @@ def test_a_short_first_step_may_grow() -> None:
     clock = new_clock(1, 1e-14, GIVEN)[0]
     accept(clock, 1.0, 1e-14, 2e-14, POSITION_ERROR)
     assert clock[STATUS] == RUNNING
+
+
+def test_a_held_step_changes_ever_more_seldom() -> None:
+    """Errors that go up and down with a period of 200 steps, as in an oscillation: five refusals at most.
+
+    10 000 steps; after each refusal it waits for as many steps as there were, so that from 100 steps on
+    it has seen the worst error before it grows.
+    """
+    clock, refused, changed = new_clock(1, 0.01, GIVEN)[0], 0, set()
+    clock[TIME] = 0.0
+    while clock[STEPS] < 10_000:
+        dt = float(clock[NEXT_STEP])
+        error = dt**3 * abs(np.sin(np.pi * clock[STEPS] / 200.0))
+        if error > 1.0:
+            refused += 1
+            shorten(clock, 1e9, 0.9 * dt * error ** (-1.0 / 3.0), POSITION_ERROR)
+            continue
+        accept(clock, 1e9, dt, held_step(clock, dt, error), POSITION_ERROR)
+        if clock[STEPS] > 1000:
+            changed.add(float(clock[NEXT_STEP]))
+    assert refused <= 5
+    assert len(changed) == 1
+    assert 0.7 < changed.pop() <= 1.0
+    assert clock[CHANGED_AT] < 1000
+
+
+def test_a_collision_that_limits_is_told() -> None:
+    clock = new_clock(1, 1.0, GIVEN)[0]
+    shorten(clock, 1.0, 0.25, COLLISION)
+    accept(clock, 1.0, 0.25, 0.5, POSITION_ERROR)
+    assert step_log(clock[None])["step_limits"] == "collision 100 %"

@@ -34,6 +34,15 @@ def frozen_row(frozen: Flags | None, k: int) -> Flags | None:
 
 
 @kernel
+def frozen_block(frozen: Flags | None, k: int) -> Flags | None:
+    """The flags (1, N) of realisation k alone; None where the flow cannot be left."""
+    if frozen is None:
+        return None
+    block: Flags = frozen[k : k + 1]
+    return block
+
+
+@kernel
 def places_before(mesh: FlowArrays | None, place: Floats) -> Floats | None:
     """A copy of x and y (2, N) before a step, for `freeze`; None where the flow cannot be left."""
     if mesh is None:

@@ -23,7 +23,9 @@ from ellipsoid_coupling.schemes.particles.state import (
     Rates,
     all_finite,
     bounce,
+    largest_forces,
     noise_rows,
+    note_forces,
 )
 from ellipsoid_coupling.schemes.status import NOT_FINITE, RUNNING
 from ellipsoid_coupling.schemes.step_control import (
@@ -84,6 +86,7 @@ def _step(
     clock[OUTSIDE] = particle_forces(
         drift, state.place[k], state.force[k], frozen_row(state.frozen, k)
     )
+    note_forces(clock, *largest_forces(state.force[k]))
     move(state, k, step, rates, limits, dt)
     if not all_finite(state.place[k]):
         clock[STATUS] = NOT_FINITE

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.flow.field import FlowArrays
 from ellipsoid_coupling.interaction.reflection import reflect
 from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.schemes.particles.extremes import largest_size
+from ellipsoid_coupling.schemes.step_control import LARGEST_FORCE, LARGEST_TORQUE
 
 Floats = NDArray[np.float64]
 
@@ -59,6 +61,30 @@ class Rates(NamedTuple):
     last_noisy: int
 
 
+class Contact(NamedTuple):
+    """What bounds a step by who may meet in it; see `schemes.particles.collisions`.
+
+    Attributes
+    ----------
+    reach : float
+        The pair potential vanishes beyond this distance of the centres.
+    width : float
+        So far may a pair within reach move against one another.
+    lever : float
+        How far a particle's rim moves a radian that it turns, at most; 0 for circles.
+    pull : (3, D) float64
+        The largest acceleration by one neighbour, by all of them and by ghosts, in units of `scale`.
+    ghost_reach : float
+        Ghost particles of walls act so far into the box; 0 without.
+    """
+
+    reach: float
+    width: float
+    lever: float
+    pull: Floats
+    ghost_reach: float
+
+
 class Limits(NamedTuple):
     """What bounds a step, and the box that reflects.
 
@@ -74,6 +100,8 @@ class Limits(NamedTuple):
         [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
     mesh : FlowArrays or None
         The flow whose mesh particles can leave, see `frozen`; None where none can.
+    contact : Contact or None
+        None without interaction.
     """
 
     step: float
@@ -81,6 +109,7 @@ class Limits(NamedTuple):
     scale: Floats
     box: Floats | None
     mesh: FlowArrays | None = None
+    contact: Contact | None = None
 
 
 @kernel
@@ -90,6 +119,20 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
         return None
     rows: Floats = noise[k, step]
     return rows
+
+
+@kernel
+def largest_forces(force: Floats) -> tuple[float, float]:
+    """The largest |F_x| or |F_y| and |F_bar| of forces (D, N)."""
+    torque = largest_size(force[ANGLE]) if force.shape[0] > ANGLE else 0.0
+    return max(largest_size(force[X]), largest_size(force[Y])), torque
+
+
+@kernel
+def note_forces(clock: Floats, force: float, torque: float) -> None:
+    """Keep the largest force and torque of all steps."""
+    clock[LARGEST_FORCE] = max(clock[LARGEST_FORCE], force)
+    clock[LARGEST_TORQUE] = max(clock[LARGEST_TORQUE], torque)
 
 
 @kernel

@@ -49,7 +49,7 @@ def plates(points: Array, edges: Edges, patches: Mapping[str, Patch]) -> Array:
     # Plates whose points were split, too: two edges in one place, each beside one cell.
     rim = np.flatnonzero(faces & (edges.cells[:, 1] < 0))
     if rim.size > 1:
-        next_one = KDTree(middle[rim]).query(middle[rim], k=2)[0][:, 1]
+        next_one = np.asarray(KDTree(middle[rim]).query(middle[rim], k=2)[0])[:, 1]
         twice = next_one <= _SAME_PLACE * np.hypot(along[rim, 0], along[rim, 1])
         inner[rim[twice]] = True
     return np.asarray(ends[inner])

@@ -208,21 +208,19 @@ def silence(state: ParticleState, noise: Floats) -> None:
         np.moveaxis(noise, -1, 1)[state.frozen != 0] = 0.0
 
 
-def frozen_part(state: ParticleState) -> float:
-    """The part of all particles that has left the flow's mesh."""
-    return (
-        0.0 if state.frozen is None else float(np.count_nonzero(state.frozen) / state.frozen.size)
-    )
+def count_frozen(state: ParticleState) -> int:
+    """How many particles have left the flow's mesh."""
+    return 0 if state.frozen is None else int(np.count_nonzero(state.frozen))
 
 
 def particle_counts(state: ParticleState) -> Counts:
     """The steps, how many particles have left the flow's mesh, and the mass, which these take along."""
-    left = frozen_part(state)
+    left, number = count_frozen(state), state.place[:, 0].size
     return step_log(state.clock) | {
-        "particles_outside_flow": 0.0 if state.frozen is None else float(state.frozen.sum()),
+        "particles_outside_flow": float(left),
         "mass_start": 1.0,
-        "mass_end": 1.0 - left,
-        "mass_left": left,
+        "mass_end": (number - left) / number,
+        "mass_left": left / number,
     }
 
 
@@ -300,7 +298,8 @@ def particle_health(state: ParticleState, box: Floats | None) -> Health:
     v, omega, _, _, outside = survey_particles(place, velocity, force, box)
     clock = state.clock
     forces = float(clock[:, LARGEST_FORCE].max()), float(clock[:, LARGEST_TORQUE].max())
-    return Health(1.0 - frozen_part(state), 0.0, (v, omega), forces, outside)
+    inside = 1.0 - count_frozen(state) / state.place[:, 0].size
+    return Health(inside, 0.0, (v, omega), forces, outside)
 
 
 def _steady_force(setup: Setup, grid: Grid) -> Floats | None:

@@ -260,7 +260,7 @@ def test_results_with_frozen_particles_survive_their_file(
     loaded = Result.load(tmp_path)
     assert np.array_equal(loaded.variables["frozen"], half_gone.variables["frozen"])
     assert loaded.attributes["mass_left"] == half_gone.attributes["mass_left"]
-    assert half_gone.to_dataset()["frozen"].attrs["units"] == "1"
+    assert half_gone.to_dataset()["particle_frozen"].attrs["units"] == "1"
 
 
 def test_without_a_mesh_nothing_is_marked() -> None:
@@ -283,4 +283,5 @@ def test_bits_are_those_of_a_flow_that_cannot_be_left(scheme: Any) -> None:
     )
     found = [ec.simulate(own, "microscopic", scheme, flow=flow) for flow in (bounded, far)]
     for name in ("x", "y", "angle", "velocity_x", "velocity_y", "angular_velocity"):
-        assert np.array_equal(*(result.variables[name] for result in found)), name
+        here, there = (result.variables[name] for result in found)
+        assert np.array_equal(here, there), name

@@ -48,7 +48,11 @@ def ellipse_figure(
     extent = (*result.scene.domain.x, *result.scene.domain.y)
     height = PANEL_WIDTH * min(2.0, result.scene.domain.height / result.scene.domain.width)
     columns = result.times.size
-    figure = new_figure(PANEL_WIDTH * columns + 0.5, height + 1.1, layout="compressed")
+    figure = new_figure(
+        PANEL_WIDTH * columns + 0.5,
+        height + (1.1 if result.frozen is None else 1.4),
+        layout="compressed",
+    )
     axes = panel_grid(figure, 1, columns, sharey=True)[0]
     number = result.variables["x"].shape[2]
     chosen = thinned(number, most)

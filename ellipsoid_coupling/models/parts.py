@@ -131,15 +131,15 @@ def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
     crowd = strength * weight * np.array([slope, slope, torque])[: len(scale)] / scale
     ghosts = GHOSTS_IN_REACH * scene.walls.strength_factor if scene.walls else 0.0
     # The thermal energy of a degree of freedom, per mass, is A^2/(2 Gamma).
-    thermal = rates.amplitude**2 > 0.0
-    heat = rates.amplitude[thermal] ** 2 / (2.0 * rates.damping[thermal])
-    height = strength / number * highest(shape) * weight[thermal]
+    noisy = rates.amplitude > 0.0
+    heat = rates.amplitude[noisy] ** 2 / (2.0 * rates.damping[noisy] * weight[noisy])
+    height = strength / number * highest(shape) if noisy.any() else 0.0
     return contact_of(
         shape,
         scene.numerics.tolerance,
         np.array([crowd / number, crowd, ghosts / particles.number * crowd]),
         scene.walls is not None,
-        float((height / heat).max(initial=0.0)),
+        (height, float(heat.max(initial=0.0)), particles.mass),
     )
 
 

@@ -59,7 +59,9 @@ def ran(scene: Scene, name: str = "microscopic", seed: int = 1) -> Model:
 
 def ends(model: Model) -> tuple[Floats, Floats]:
     shot = model.snapshot()
-    return np.asarray(shot["x"]).ravel(), np.asarray(shot["angle"]).ravel()
+    x: Floats = np.asarray(shot["x"], np.float64)
+    angle: Floats = np.asarray(shot["angle"], np.float64)
+    return x[0], angle[0]
 
 
 def truth(scene: Scene) -> tuple[Floats, Floats]:
@@ -77,7 +79,9 @@ def truth(scene: Scene) -> tuple[Floats, Floats]:
                 if apart @ apart < shape.reach**2:
                     a, b = 2.0 * place[2, i], 2.0 * place[2, j]
                     turned = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
-                    _, gx, gy, here, there = formula(*map(float, apart), *turned, shape)
+                    _, gx, gy, here, there = formula(
+                        float(apart[0]), float(apart[1]), *turned, shape
+                    )
                     push = strength * np.array([gx, gy])
                     force[:2, i] -= push
                     force[:2, j] += push
@@ -86,8 +90,9 @@ def truth(scene: Scene) -> tuple[Floats, Floats]:
         return np.concatenate([velocity.ravel(), force.ravel()])
 
     first = np.concatenate([start.ravel(), np.zeros(start.size)])
-    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, "max_step": 0.02}
-    end = solve_ivp(slope, (0.0, scene.times[-1]), first, **options).y[:, -1]
+    span = 0.0, scene.times[-1]
+    path = solve_ivp(slope, span, first, "DOP853", rtol=1e-11, atol=1e-12, max_step=0.02).y
+    end: Floats = np.asarray(path[:, -1], np.float64)
     return end[:number], end[2 * number : 3 * number]
 
 
@@ -148,7 +153,7 @@ def test_bystanders_do_not_hide_a_collision() -> None:
 SHAPE = potential_shape(0.1, 0.05)
 STRONG = np.full((3, 3), np.inf)
 FREE = Rates(np.zeros(3), np.zeros(3), 2, 2)
-CONTACT = contact_of(SHAPE, 1e-4, STRONG, False, 0.0)
+CONTACT = contact_of(SHAPE, 1e-4, STRONG, False, (0.0, 0.0, 1.0))
 LIMITS = Limits(1.0, 1e-4, np.array([0.1, 0.1, 1.0]), None, contact=CONTACT)
 
 
@@ -173,7 +178,7 @@ def test_no_pair_within_reach_moves_further_than_allowed(seed: int) -> None:
     dt = collision_step(Cloud(place, velocity, 0.0 * place), FREE, LIMITS, 1e3)
     distance, moved = closest(place[0, :2], dt * velocity[0, :2])
     assert dt > 0.0
-    assert moved[distance < CONTACT.reach].max(initial=0.0) < 1.1 * CONTACT.width
+    assert moved[distance < CONTACT.reach].max(initial=0.0) < 1.1 * CONTACT.part * CONTACT.thickness
 
 
 def test_a_flow_that_carries_all_alike_bounds_nothing() -> None:

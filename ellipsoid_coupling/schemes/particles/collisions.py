@@ -20,8 +20,9 @@ tolerance in a step may be passed (`pull`); for all of them together the root me
 instead of the largest.
 
 With noise, a step that ends inside a neighbour is not repeated. Then the width also is at most the length
-in which the potential drops, U/|dU/dr|, where its height is the thermal energy. Nothing here looks at the
-noise to come, so no outcome is preferred.
+in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the energy that the
+pair meets with, of heat and of the motion that is seen. Nothing here looks at the noise to come, so no
+outcome is preferred.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ Flags = NDArray[np.uint8]
 # Rows of `Contact.pull`.
 PAIR, CROWD, WALL = range(3)
 
-# The largest of sqrt(s) exp(-s/(1-s))/(1-s)^2, at s = 0.59.
-_STEEPEST = 1.085
+# The largest of sqrt(s) exp(-s/(1-s))/(1-s)^2, at s = 0.577.
+_STEEPEST = 1.0852
 # The motion is fitted to about so many particles.
 _FITTED = 128
 _MOST_TRIALS = 40
@@ -58,7 +59,7 @@ def contact_of(
     tolerance: float,
     pull: Floats,
     ghosts: bool,
-    energy: float,
+    energies: tuple[float, float, float],
 ) -> Contact:
     """What `collision_step` must know of the particles.
 
@@ -71,15 +72,13 @@ def contact_of(
         of the tolerance: see `steepest`.
     ghosts : bool
         Whether walls have ghost particles.
-    energy : float
-        The height of a neighbour's potential over the thermal energy; 0 without noise.
+    energies : (float, float, float)
+        The height of a neighbour's potential (0 without noise), the thermal energy, and the mass.
     """
     thickness = shape.reach * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
-    width = thickness / math.sqrt(max(math.log(1.0 / tolerance), 2.0))
-    if energy > 1.0:
-        s = math.log(energy) / (1.0 + math.log(energy))
-        width = min(width, thickness * (1.0 - s) ** 2 / (2.0 * math.sqrt(s)))
-    return Contact(shape.reach, width, shape.reach - thickness, pull, shape.reach * ghosts)
+    part = 1.0 / math.sqrt(max(math.log(1.0 / tolerance), 2.0))
+    lever, ghost_reach = shape.reach - thickness, shape.reach * ghosts
+    return Contact(shape.reach, thickness, part, lever, pull, ghost_reach, *energies)
 
 
 def highest(shape: PotentialShape) -> float:
@@ -239,18 +238,34 @@ def _rests(
 
 
 @kernel
-def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool) -> float:
+def allowed_width(contact: Contact, speed: float) -> float:
+    """How far a pair that meets with so much relative speed may move against one another in a step."""
+    width = contact.part
+    energy = contact.heat + 0.25 * contact.mass * speed * speed
+    if contact.height > energy:
+        steep = math.log(contact.height / energy) if energy > 0.0 else np.inf
+        rest = 1.0 / (1.0 + steep)  # 1 - s, where exp(-s/(1-s)) is the energy over the height
+        width = min(width, 0.5 * rest * rest / math.sqrt(1.0 - rest))
+    return contact.thickness * width
+
+
+@kernel
+def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool, dt: float) -> float:
     """The part of a step in which nobody passes another particle; see the module."""
     motion = _fit(cloud, moves)
     rest, turn = _rests(cloud, moves, motion, crowd)
     xx, xy, yx, yy = motion[4:]
     strain = 0.5 * abs(xx + yy) + math.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))
     apart = 2.0 * rest + contact.lever * turn + 4.0 * moves.noise
-    return contact.width / (strain * (contact.reach + contact.width) + apart)
+    meeting = strain * contact.reach + apart
+    width = allowed_width(contact, meeting / dt)
+    return width / (meeting + strain * width)
 
 
 @kernel
-def _part_at_walls(contact: Contact, box: Floats | None, cloud: Cloud, moves: _Moves) -> float:
+def _part_at_walls(
+    contact: Contact, box: Floats | None, cloud: Cloud, moves: _Moves, dt: float
+) -> float:
     """The part of a step in which nobody passes a neighbour or a wall's ghost on bouncing."""
     if box is None:
         return np.inf
@@ -265,7 +280,8 @@ def _part_at_walls(contact: Contact, box: Floats | None, cloud: Cloud, moves: _M
                 move = v * speed[i] + f * push[i]
                 near = not low <= here[i] + move <= high
                 most = max(most, abs(move) if near else 0.0)
-    return contact.width / (most + 2.0 * moves.noise)
+    most += 2.0 * moves.noise
+    return allowed_width(contact, most / dt) / most if most > 0.0 else np.inf
 
 
 @kernel
@@ -276,9 +292,9 @@ def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: floa
     crowd = _matters(contact.pull[CROWD], rates, limits.tolerance, dt)
     moves = _moves(rates, dt)
     if pair or crowd:
-        part = _part_for_pairs(contact, cloud, moves, not pair)
+        part = _part_for_pairs(contact, cloud, moves, not pair, dt)
     if pair or _matters(contact.pull[WALL], rates, limits.tolerance, dt):
-        part = min(part, _part_at_walls(contact, limits.box, cloud, moves))
+        part = min(part, _part_at_walls(contact, limits.box, cloud, moves, dt))
     return part
 
 

@@ -169,6 +169,8 @@ def _advance_one(
         if until - clock[TIME] <= 0.0 or clock[STATUS] != RUNNING:
             return
         see_collisions(clock, cloud, rates, limits, until)
+        if clock[STATUS] != RUNNING:
+            return
         dt = equal_steps(until - clock[TIME], clock[NEXT_STEP])
         noise = noise_rows(state.noise, k, step)
         error, kind = _try_step(state, k, noise, drift, rates, limits, trial, dt)

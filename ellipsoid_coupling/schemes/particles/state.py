@@ -68,21 +68,30 @@ class Contact(NamedTuple):
     ----------
     reach : float
         The pair potential vanishes beyond this distance of the centres.
-    width : float
-        So far may a pair within reach move against one another.
+    thickness : float
+        Its reach on the short side.
+    part : float
+        So much of the thickness may a pair within reach move against one another in a step.
     lever : float
         How far a particle's rim moves a radian that it turns, at most; 0 for circles.
     pull : (3, D) float64
         The largest acceleration by one neighbour, by all of them and by ghosts, in units of `scale`.
     ghost_reach : float
         Ghost particles of walls act so far into the box; 0 without.
+    height, heat, mass : float
+        Of one neighbour's potential (0 without noise, where steps are repeated), the thermal energy, and
+        a particle's mass.
     """
 
     reach: float
-    width: float
+    thickness: float
+    part: float
     lever: float
     pull: Floats
     ghost_reach: float
+    height: float
+    heat: float
+    mass: float
 
 
 class Limits(NamedTuple):

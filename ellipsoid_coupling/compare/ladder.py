@@ -5,8 +5,7 @@
     microscopic           realisations R times 2, time step divided by sqrt(2) or tolerance by
                           10^(1/4): sampling and stepping errors fall alike, by some sqrt(2) a level
     mckean_vlasov         samples times 2, time step or tolerance from coarse to the scene's own, the
-                          interaction from a fourth to twice as exact as the scene's (the yardstick:
-                          four times)
+                          interaction from a fourth to twice as exact as the scene's
 
 `cost` is the number of operations of a level up to a factor that all levels of one ladder share: with
 the seconds of one level it foretells those of the next.

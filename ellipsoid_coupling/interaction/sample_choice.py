@@ -39,7 +39,7 @@ class Samples(NamedTuple):
         The particles' width D.
     strength : float
         eps0.
-    count : int
+    number : int
         How many there are.
     tolerance : float
         `numerics.harmonics_tolerance`; what is kept stands in `sample_forces`.
@@ -52,12 +52,12 @@ class Samples(NamedTuple):
     shape: PotentialShape
     width: float
     strength: float
-    count: int
+    number: int
     tolerance: float
     method: Method = "auto"
 
 
-def scene_samples(scene: Scene, count: int) -> Samples | None:
+def scene_samples(scene: Scene, number: int) -> Samples | None:
     """Of a scene with so many samples; None without interaction."""
     if scene.interaction is None:
         return None
@@ -71,7 +71,7 @@ def scene_samples(scene: Scene, count: int) -> Samples | None:
         shape,
         particles.width,
         scene.interaction.strength,
-        count,
+        number,
         scene.numerics.harmonics_tolerance,
         scene.numerics.interaction,
     )
@@ -94,7 +94,7 @@ def affordable_harmonics(samples: Samples) -> int:
         return most
     grown = [math.sqrt(start * size) for start, size in zip(samples.start, sizes, strict=True)]
     disc = math.pi * reach**2
-    pairs = samples.count**2 * disc / max(grown[0] * grown[1], disc)
+    pairs = samples.number**2 * disc / max(grown[0] * grown[1], disc)
     if pairs <= _FEW_PAIRS:
         return -1
     points = math.prod((size + reach) / h for size in grown)

@@ -47,6 +47,8 @@ PARAMETERS = "system/parameters"
 # Initial residual of U that ends a run whose system/parameters has no atRest.
 AT_REST = 1e-6
 _MOST_CELLS = 10**9
+# Of a hexahedron: no patch has more faces than all cells together.
+_FACES = 6
 # Never read by the programs that run here, and often in a case.
 _UNREAD = frozenset((
     "turbulenceProperties", "momentumTransport", "RASProperties", "LESProperties",
@@ -120,7 +122,8 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
     files = {name: _text(name, "dictionary", lines) for name, lines in dictionaries.items()}
     files[PARAMETERS] = "".join(f"{name} {figure(n.value)};\n" for name, n in numbers.items())
     for name, kind in (("U", "volVectorField"), ("p", "volScalarField")):
-        lines = start_field(read(f"{start_folder(case)}/{name}"), name)
+        source = _source(case, f"{start_folder(case)}/{name}")
+        lines = start_field(parse(source, lambda: numbers, longest=_FACES * int(mesh_cells)), name)
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
     scales = scales and not any("nonuniform" in text for text in files.values())

@@ -407,3 +407,24 @@ def test_a_strangers_plain_case_is_solved(case: Path, monkeypatch: pytest.Monkey
     found = read_case(solved).evaluate(*points(200))
     np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=2e-6)
     np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_case_that_brings_its_mesh_is_solved_on_it(case: Path) -> None:
+    """The cavity's own mesh, in binary: the cavity's flow, to what the stop leaves and single precision."""
+    made = solve_case("cavity", 16)
+    shutil.copytree(made / "constant" / "polyMesh", case / "constant" / "polyMesh")
+    (case / "system" / "blockMeshDict").unlink()
+    key = openfoam.inputs_hash(case, 16)
+    solved = solve_case(case)
+    header = (solved / "constant" / "polyMesh" / "points").read_bytes()[:100]
+    assert b"format binary" in header
+    expected, found = (read_case(folder).evaluate(*points(200)) for folder in (made, solved))
+    np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=2e-6)
+    np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)
+    boundary = case / "constant" / "polyMesh" / "boundary"
+    edit(boundary, "type            empty;", "type            wedge;")
+    assert openfoam.inputs_hash(case, 16) != key
+    refused(case, "polyMesh/boundary, patch frontAndBack: .* the type wedge")

@@ -71,13 +71,13 @@ def flow(
     Parameters
     ----------
     case
-        A case of foam_cases/ or the path of a case folder with the same layout.
+        A case of foam_cases/ or the path of a folder with 0.orig (or 0), constant and system.
     cells
         Cells a side; the case's own number if left out.
     processes
         Processes of icoFoam (decomposePar, mpirun).
     trust
-        Run the case even if something in it can run code: you have read it, or made it.
+        Give OpenFOAM the case's own files, which can run code: you have read them, or made them.
     """
     from ellipsoid_coupling.flow.openfoam import solve_case
 

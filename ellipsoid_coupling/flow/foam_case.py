@@ -85,7 +85,7 @@ def read_solution(places: Places) -> Solution:
 
     Raises InputError, with file and place, for anything that is missing, broken or inconsistent.
     """
-    mesh = _read_mesh(places)
+    mesh = read_mesh(places)
     velocity = _read_velocity(places.time / "U", mesh, mesh.patches)
     return Solution(mesh, velocity)
 
@@ -116,7 +116,8 @@ def _field_room(mesh: Mesh) -> int:
     return min(_TEXT_BYTES + _VECTOR_BYTES * entries, MOST_CASE_FILE_BYTES)
 
 
-def _read_mesh(places: Places) -> Mesh:
+def read_mesh(places: Places) -> Mesh:
+    """The mesh at `places`, every number checked; InputError, with file and place, for a broken one."""
     file = open_file(places.points / "points", "vectorField")
     points, _ = read_numbers(file, file.start, 3, None, "points")
     require_finite(file, points, "points")

@@ -18,6 +18,7 @@ and ``#eval "arithmetic"``.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -114,7 +115,10 @@ Parameters = Callable[[], Mapping[str, Number]]
 
 
 def parse(
-    source: Source, parameters: Parameters | None = None, given: Mapping[str, int] | None = None
+    source: Source,
+    parameters: Parameters | None = None,
+    given: Mapping[str, int] | None = None,
+    longest: int = 0,
 ) -> Section:
     """The values of a dictionary.
 
@@ -122,10 +126,11 @@ def parse(
     ----------
     parameters : gives the numbers of system/parameters where the file includes that
     given : numbers that replace those of entries at the top
+    longest : how many entries a List<...> may have
 
     Raises InputError, with file and line, for everything that is not in the grammar above.
     """
-    parser = _Parser(Scanner(source), parameters, given or {})
+    parser = _Parser(Scanner(source), parameters, given or {}, longest)
     return parser.whole()
 
 
@@ -133,9 +138,14 @@ class _Parser:
     """Reads entries and values; `_open` are the dictionaries around the place, outermost first."""
 
     def __init__(
-        self, scan: Scanner, parameters: Parameters | None, given: Mapping[str, int]
+        self,
+        scan: Scanner,
+        parameters: Parameters | None,
+        given: Mapping[str, int],
+        longest: int,
     ) -> None:
         self._scan, self._parameters, self._given = scan, parameters, given
+        self._longest = longest
         self._open: list[Section] = []
         self._depth = 0
 
@@ -293,8 +303,9 @@ class _Parser:
         """N ( ... ) of numbers or of triples; in a binary file their bytes."""
         self._scan.skip()
         at, count = self._scan.at, self._scan.number()
-        if not isinstance(count, int) or count < 0:
-            self._scan.refuse(at, "a list without a whole number of entries")
+        if not isinstance(count, int) or not 0 <= count <= self._longest:
+            expected = f"a list of 0 to {self._longest} entries, what the mesh has room for"
+            raise self._scan.source.error(at, expected, f"{count}")
         if count == 0 and self._scan.peek() != "(":
             return Column(np.zeros((0, width)), at)
         self._scan.need("(")
@@ -319,28 +330,25 @@ class _Parser:
         return values.astype(np.float64).reshape(count, width)
 
     def _triples(self, count: int, width: int) -> NDArray[np.float64]:
-        """The numbers of a list in ascii, in pieces that end with a parenthesis."""
+        """The numbers of a list in ascii, up to its last parenthesis."""
         start, behind = self._scan.at, self._scan.text.find(";", self._scan.at)
         text = self._scan.text[start:behind].rstrip() if behind > 0 else ""
         if not text.endswith(")") or not _IN_A_LIST.issuperset(text):
             self._scan.refuse(start, "a list with something else than numbers")
-        *pieces, last = text[:-1].split(")") if width > 1 else (f"({text[:-1]}", "")
+        inner = text[:-1]
+        if width > 1:  # (1 2 3) is read as 1 2 3 inf, so that each of them ends where it must
+            inner = inner.replace("(", " ").replace(")", " inf ")
+        columns = width + (width > 1)
         try:
-            values = np.array([_inner(piece) for piece in pieces], np.float64).reshape(count, width)
-        except ValueError:
+            with warnings.catch_warnings(action="error", category=DeprecationWarning):
+                rows = np.fromstring(inner, np.float64, sep=" ").reshape(count, columns)
+        except (ValueError, DeprecationWarning):
             self._scan.refuse(start, f"a list of other than {count} entries of {width} numbers")
-        if last.strip() or not np.isfinite(values).all():
-            self._scan.refuse(start, "a list with something else than finite numbers")
+        values = np.ascontiguousarray(rows[:, :width])
+        if not (np.isfinite(values).all() and np.isinf(rows[:, width:]).all()):
+            self._scan.refuse(start, f"a list of other than {count} entries of {width} numbers")
         self._scan.at = behind
         return values
-
-
-def _inner(piece: str) -> list[float]:
-    """The numbers of "( 1 2 3"; ValueError for anything in front of the parenthesis."""
-    before, _, inner = piece.partition("(")
-    if before.strip():
-        raise ValueError
-    return [float(part) for part in inner.split()]
 
 
 def word_of(section: Section, key: str) -> str:

@@ -31,7 +31,7 @@ Rules = Mapping[str, "Rule | Rules"]
 Kind = TypeVar("Kind", bound=Item)
 
 # A patch or zone is called as the case calls it; such a word stands for nothing but itself.
-_NAME = re.compile(r"[A-Za-z_][\w.:+-]*", re.ASCII)
+PATCH_NAME = re.compile(r"[A-Za-z_][\w.:+-]*", re.ASCII)
 _SHOWN = 20
 
 
@@ -105,7 +105,7 @@ def figure(value: float) -> str:
 
 def name_of(section: Section, text: str, at: int) -> str:
     """A name that the case has chosen; InputError for other than letters, digits and _ . : + -."""
-    if not _NAME.fullmatch(text):
+    if not PATCH_NAME.fullmatch(text):
         raise section.error(at, "a name of letters, digits and _.:+-, a letter first", repr(text))
     return text
 

@@ -115,7 +115,8 @@ class Scanner:
     def word(self) -> tuple[str, int]:
         """A word up to a blank or a mark, or to the parenthesis that closes a list around it."""
         start = self.skip()
-        found = _WORD.match(self.text, start)
+        # No further than a word may go: for each word of a list without blanks, all of it would match.
+        found = _WORD.match(self.text, start, start + MOST_NAME + 1)
         if found is None:
             self.odd()
         depth, end = 0, found.end()
@@ -124,10 +125,10 @@ class Scanner:
             if depth < 0:
                 depth, end = 0, at
                 break
-        if depth > 0:
-            self.refuse(start, f"a word without its last parenthesis, {found[0][:40]!r}")
         if end - start > MOST_NAME:
             self.refuse(start, f"a word of more than {MOST_NAME} characters")
+        if depth > 0:
+            self.refuse(start, f"a word without its last parenthesis, {found[0][:40]!r}")
         self._bounded(end)
         self.at = end
         return self.text[start:end], start

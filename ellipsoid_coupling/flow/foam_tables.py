@@ -57,10 +57,12 @@ SCHEMES: Rules = {
     **dict.fromkeys(
         (
             "ddtSchemes", "gradSchemes", "divSchemes", "laplacianSchemes", "interpolationSchemes",
-            "snGradSchemes", "fluxRequired", "wallDist",
+            "snGradSchemes", "wallDist",
         ),
         _TERMS,
     ),
+    # Names alone: p; and of no use since the solvers know it.
+    "fluxRequired": dict.fromkeys(("default", "p", "U", "Phi", "pcorr"), dropped),
 }  # fmt: skip
 
 _SMOOTHERS = choice(

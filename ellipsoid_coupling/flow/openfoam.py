@@ -30,6 +30,8 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow.cases import BUILT_IN
+from ellipsoid_coupling.flow.foam_files import packed
+from ellipsoid_coupling.flow.own_mesh import write_own_mesh
 from ellipsoid_coupling.flow.programs import (
     Follow,
     failed,
@@ -125,7 +127,7 @@ def _set_parameter(folder: Path, name: str, value: int) -> None:
 def inputs_hash(folder: Path, cells: int) -> str:
     """A hash of everything that the solution depends on; the number of processes is not in it."""
     digest = hashlib.sha256(f"{cells} {openfoam_version()}".encode())
-    left = MOST_CASE_FILE_BYTES
+    left, makes_mesh = MOST_CASE_FILE_BYTES, packed(folder / "system" / "blockMeshDict") is not None
     for part in input_folders(folder):
         for count, path in enumerate(sorted((folder / part).rglob("*"))):
             if count > MOST_CASE_FILES:
@@ -133,7 +135,7 @@ def inputs_hash(folder: Path, cells: int) -> str:
                     str(folder / part), f"at most {MOST_CASE_FILES} files", "more",
                     "Name the case alone, without other data in its folders.",
                 )  # fmt: skip
-            if path.is_file() and LEFT_OUT not in path.parts:
+            if path.is_file() and not (makes_mesh and LEFT_OUT in path.parts):
                 content = read_bytes(path, "a file of a case", left)
                 left -= len(content)
                 if path.name == "parameters":
@@ -325,6 +327,8 @@ def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
 def _prepare(solving: _Solving, scratch: Path) -> None:
     """Write a case's inputs; of a trusted one, copy them, with these numbers in system/parameters."""
     if solving.plain is not None:
+        if solving.plain.mesh is not None:
+            write_own_mesh(solving.plain.mesh, scratch)
         for name, text in solving.plain.files.items():
             (scratch / name).parent.mkdir(exist_ok=True)
             (scratch / name).write_text(text, encoding="ascii")
@@ -347,7 +351,8 @@ def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
         return run_program(case, command, follow, walled=walled)
 
     tell("mesh", 0.0)
-    why = why_open(run("blockMesh"))
+    has_mesh = solving.plain is not None and solving.plain.mesh is not None
+    why = why_open(run("icoFoam", "-help") if has_mesh else run("blockMesh"))
     if solving.coarse is not None:
         beside = shutil.copytree(solving.coarse, case / "coarse")
         run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")

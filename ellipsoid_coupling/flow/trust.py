@@ -18,6 +18,7 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.foam_blocks import block_mesh
+from ellipsoid_coupling.flow.foam_case import Mesh
 from ellipsoid_coupling.flow.foam_dictionary import Number, Section, parse
 from ellipsoid_coupling.flow.foam_files import packed
 from ellipsoid_coupling.flow.foam_rules import (
@@ -37,16 +38,19 @@ from ellipsoid_coupling.flow.foam_tables import (
     control,
     transport,
 )
+from ellipsoid_coupling.flow.own_mesh import read_own_mesh
 from ellipsoid_coupling.inputs import is_folder, read_bytes, unpack
 from ellipsoid_coupling.limits import MOST_SCENE_BYTES, MOST_START_BYTES
 
-# blockMesh makes the mesh anew: this folder is not copied.
+# Where there is a blockMeshDict, the mesh is made anew: this folder is not copied.
 LEFT_OUT = "polyMesh"
 
 PARAMETERS = "system/parameters"
 # Initial residual of U that ends a run whose system/parameters has no atRest.
 AT_REST = 1e-6
 _MOST_CELLS = 10**9
+# Of a hexahedron: no patch has more faces than all cells together.
+_FACES = 6
 # Never read by the programs that run here, and often in a case.
 _UNREAD = frozenset((
     "turbulenceProperties", "momentumTransport", "RASProperties", "LESProperties",
@@ -62,6 +66,7 @@ class PlainCase:
     files : the text of each by its name below the case
     cells : a side, by system/parameters; mesh_cells : all of them
     scales : whether mesh and start follow from `cells`
+    mesh : the case's own, if it has no blockMeshDict
     """
 
     files: Mapping[str, str]
@@ -70,6 +75,7 @@ class PlainCase:
     end_time: float
     mesh_cells: float
     scales: bool
+    mesh: Mesh | None
 
 
 def start_folder(case: Path) -> str:
@@ -101,30 +107,58 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
     def read(name: str) -> Section:
         return parse(_source(case, name), lambda: numbers)
 
-    mesh = read("system/blockMeshDict")
-    blocks, mesh_cells = block_mesh(mesh)
-    scales = "cells" in mesh.used
-    side = numbers["cells"].value if scales else _fixed_side(mesh, cells, case, mesh_cells)
+    meshing = _meshing(case, cells, numbers)
     at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST
     control_lines, end_time = control(read("system/controlDict"), at_rest)
     if packed(case / "system" / "decomposeParDict"):  # the package writes its own
         read("system/decomposeParDict")
     dictionaries = {
-        "system/blockMeshDict": blocks,
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
         "system/fvSolution": entries(read("system/fvSolution"), SOLUTION),
         "constant/transportProperties": transport(read("constant/transportProperties")),
     }
+    if meshing.blocks:
+        dictionaries["system/blockMeshDict"] = meshing.blocks
     files = {name: _text(name, "dictionary", lines) for name, lines in dictionaries.items()}
     files[PARAMETERS] = "".join(f"{name} {figure(n.value)};\n" for name, n in numbers.items())
     for name, kind in (("U", "volVectorField"), ("p", "volScalarField")):
-        lines = start_field(read(f"{start_folder(case)}/{name}"), name)
+        source = _source(case, f"{start_folder(case)}/{name}")
+        lines = start_field(
+            parse(source, lambda: numbers, longest=_FACES * int(meshing.cells)), name
+        )
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
-    scales = scales and not any("nonuniform" in text for text in files.values())
-    return PlainCase(files, int(side), at_rest, end_time, mesh_cells, scales)
+    scales = meshing.scales and not any("nonuniform" in text for text in files.values())
+    return PlainCase(
+        files, meshing.side, at_rest, end_time, meshing.cells, scales, meshing.own
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Meshing:
+    """The mesh of a case: blockMeshDict's lines or the case's own, cells, cells a side."""
+
+    blocks: list[str]
+    own: Mesh | None
+    cells: float
+    side: int
+    scales: bool
+
+
+def _meshing(case: Path, cells: int | None, numbers: Mapping[str, Number]) -> _Meshing:
+    """The mesh of a case: blockMesh makes it, or it is there."""
+    path = case / "system" / "blockMeshDict"
+    if packed(path) is None and packed(case / "constant" / LEFT_OUT / "points"):
+        mesh = read_own_mesh(case)
+        side = _fixed_side(case / "constant" / LEFT_OUT, cells, case, mesh.cells)
+        return _Meshing([], mesh, mesh.cells, side, scales=False)
+    section = parse(_source(case, "system/blockMeshDict"), lambda: numbers)
+    blocks, count = block_mesh(section)
+    scales = "cells" in section.used
+    side = int(numbers["cells"].value) if scales else _fixed_side(path, cells, case, count)
+    return _Meshing(blocks, None, count, side, scales)
 
 
 def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
@@ -142,13 +176,13 @@ def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
     }  # fmt: skip
 
 
-def _fixed_side(mesh: Section, cells: int | None, case: Path, mesh_cells: float) -> int:
+def _fixed_side(mesh: Path, cells: int | None, case: Path, mesh_cells: float) -> int:
     """Cells a side of a mesh that does not follow from `cells`; InputError if others are asked for."""
     own = _numbers(case, {}).get("cells")
     side = round(mesh_cells**0.5) if own is None else int(own.value)
     if cells not in (None, side):
         raise InputError(
-            str(mesh.source.path), f"blocks of ($cells $cells 1) cells, to make {cells} a side",
+            str(mesh), f"blocks of ($cells $cells 1) cells, to make {cells} a side",
             "other numbers", f"Write $cells there, or take the {side} that there are.",
         )  # fmt: skip
     return side

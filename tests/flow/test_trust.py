@@ -110,6 +110,30 @@ def test_bounds_are_looked_at_before_anything_is_parsed(case: Path) -> None:
         solve_case(case)
 
 
+# 300 kB each; what is looked through once for each of its parts would take hours.
+LONG = {
+    "lists without blanks": "x (" + "(b)" * 100_000 + ");",
+    "numbers": "x (" + "1 " * 150_000 + ");",
+    "entries": "".join(f"a{k} $cells;" for k in range(20_000)),
+    "copies": "s { " + "".join(f"a{k} 1; " for k in range(50)) + "} "
+    + "".join(f"b{k} {{ $s; }} " for k in range(15_000)),
+    "comments": "/* * */ " * 40_000 + "x 1;",
+    "an open comment": "x 1; /* " + "/*" * 150_000,
+    "a list of numbers": f"x nonuniform List<vector> 40000 ({'(1 2 3) ' * 40_000});",
+    "open lists of numbers": "x (" + "List<scalar> 1(1) " * 15_000 + ");",
+    "one word": "x" * 300_000,
+    "one number": "x " + "1" * 300_000 + ";",
+    "strings": "x (" + '"a b" ' * 50_000 + ");",
+    "open units": "x (" + "[0 1 -1 " * 40_000 + ");",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_dictionaries_are_looked_through_once(name: str, case: Path) -> None:
+    (case / "system" / "fvSchemes").write_text('#include "parameters"\n' + LONG[name], "utf-8")
+    refused(case, "system/fvSchemes")
+
+
 def test_the_packages_own_cases_take_the_same_way(
     case: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +241,18 @@ REFUSED = {
     "units": ("0.orig/p", "[0 2 -2 0 0 0 0]", "[1 -1 -2 0 0 0 0]", r"dimensions \[0 2 -2 0 0 0 0\]"),
     "a count": ("0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 2((1 2 3));",
                 "a list of other than 2 entries"),
+    "a list in other threes": (
+        "0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 2((1 2) (3 4 5 6));",
+        "a list of other than 2 entries",
+    ),
+    "a list with text": (
+        "0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 1((1 2 nan));",
+        "something else than numbers",
+    ),
+    "a list too long": (
+        "0.orig/U", "noSlip;", "fixedValue; value nonuniform List<vector> 1537((1 2 3));",
+        "a list of 0 to 1536 entries, what the mesh has room for",
+    ),
     "solver": ("system/controlDict", "icoFoam", "simpleFoam", "application icoFoam"),
     "start": ("system/controlDict", "startTime       0", "startTime 1", "startTime from 0 to 0"),
     "scheme": ("system/fvSchemes", "Euler", "CoEuler", "a scheme of those known"),
@@ -371,3 +407,24 @@ def test_a_strangers_plain_case_is_solved(case: Path, monkeypatch: pytest.Monkey
     found = read_case(solved).evaluate(*points(200))
     np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=2e-6)
     np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_case_that_brings_its_mesh_is_solved_on_it(case: Path) -> None:
+    """The cavity's own mesh, in binary: the cavity's flow, to what the stop leaves and single precision."""
+    made = solve_case("cavity", 16)
+    shutil.copytree(made / "constant" / "polyMesh", case / "constant" / "polyMesh")
+    (case / "system" / "blockMeshDict").unlink()
+    key = openfoam.inputs_hash(case, 16)
+    solved = solve_case(case)
+    header = (solved / "constant" / "polyMesh" / "points").read_bytes()[:100]
+    assert b"format binary" in header
+    expected, found = (read_case(folder).evaluate(*points(200)) for folder in (made, solved))
+    np.testing.assert_allclose(found.velocity_x, expected.velocity_x, atol=2e-6)
+    np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)
+    boundary = case / "constant" / "polyMesh" / "boundary"
+    edit(boundary, "type            empty;", "type            wedge;")
+    assert openfoam.inputs_hash(case, 16) != key
+    refused(case, "polyMesh/boundary, patch frontAndBack: .* the type wedge")

@@ -164,19 +164,23 @@ def _resample(mesh: MeshFlow, at_points: Array) -> _Grid:
     psi[_nearest(y, mesh.points[:, 1]), _nearest(x, mesh.points[:, 0])] = at_points
     known = np.isfinite(psi)
     if _even(x) and _even(y):
-        inside = np.zeros((y.size - 1, x.size - 1), bool)
-        columns, rows = (
-            np.searchsorted(x, mesh.centres[:, 0]),
-            np.searchsorted(y, mesh.centres[:, 1]),
-        )
-        inside[rows - 1, columns - 1] = True
         even_x, even_y = (np.linspace(at[0], at[-1], at.size) for at in (x, y))
-        return _Grid(even_x, even_y, _fill(psi, known), inside)
+        inside = _inside(mesh, even_x, even_y)
+        ends = known[:, 1:] & known[:, :-1]
+        # Not where a cell is larger than the lattice's, as beside a finer part of a mesh.
+        if (ends[1:] & ends[:-1])[inside].all():
+            return _Grid(even_x, even_y, _fill(psi, known), inside)
     if known.all() and min(x.size, y.size) >= 5:
         even_x, even_y = _even_nodes(mesh)
         smooth: Array = RectBivariateSpline(y, x, psi)(even_y, even_x)
         return _Grid(even_x, even_y, smooth, np.ones((even_y.size - 1, even_x.size - 1), bool))
     return _from_scattered(mesh, at_points)
+
+
+def _inside(mesh: MeshFlow, x: Array, y: Array) -> NDArray[np.bool_]:
+    """(ny, nx), the cells between the nodes x, y whose centres lie in the mesh."""
+    centres = np.stack(np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])), axis=-1)
+    return mesh.contains(centres.reshape(-1, 2)).reshape(y.size - 1, x.size - 1)
 
 
 def _even(levels: Array) -> bool:
@@ -204,7 +208,7 @@ def _from_scattered(mesh: MeshFlow, at_points: Array) -> _Grid:
     x, y = _even_nodes(mesh)
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     step = np.array([x[1] - x[0], y[1] - y[0]])
-    inside = mesh.contains((nodes[:-1, :-1] + 0.5 * step).reshape(-1, 2))
+    inside = _inside(mesh, x, y)
     # A node on the rim counts: one of its four neighbours at 1e-6 of a cell lies in the mesh.
     known = np.zeros(nodes.shape[:2], bool)
     for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
@@ -213,7 +217,7 @@ def _from_scattered(mesh: MeshFlow, at_points: Array) -> _Grid:
     psi = CloughTocher2DInterpolator(mesh.points, at_points, tol=SLOPES)(nodes)
     _from_sides(mesh, at_points, x, y, psi, known)
     known &= np.isfinite(psi)
-    return _Grid(x, y, _fill(psi, known), inside.reshape(y.size - 1, x.size - 1))
+    return _Grid(x, y, _fill(psi, known), inside)
 
 
 def _from_sides(

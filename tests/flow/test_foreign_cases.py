@@ -15,6 +15,7 @@ from ellipsoid_coupling.flow.reader import read_case, read_flow
 from tests.flow.known import points
 
 DATA = Path(__file__).parents[1] / "data"
+MESH_FOLDER = "constant/polyMesh"
 U, BOUNDARY, POINTS = "3.95/U", "constant/polyMesh/boundary", "constant/polyMesh/points"
 
 
@@ -372,3 +373,73 @@ def test_sources_are_refused_unless_asked_for(case: Path) -> None:
     with pytest.raises(InputError, match=r"sources.*found one whose best .*% off.*--allow-misfit"):
         read_case(case)
     assert "% off U (rms)" in read_case(case, allow_misfit=True).origin
+
+
+def hanging_nodes() -> tuple[list[tuple[float, float]], list[list[int]]]:
+    """Points and cells, counter-clockwise: the unit square, its right half with cells half as high.
+
+    Four cells in the middle have five corners, which makes them polyhedra.
+    """
+    number: dict[tuple[float, float], int] = {}
+    cells = []
+    for i in range(8):
+        rows = 4 if i < 4 else 8
+        for j in range(rows):
+            x0, x1, y0, y1 = i / 8, (i + 1) / 8, j / rows, (j + 1) / rows
+            middle = [(x1, 0.5 * (y0 + y1))] if i == 3 else []
+            corners = [(x0, y0), (x1, y0), *middle, (x1, y1), (x0, y1)]
+            cells.append([number.setdefault(corner, len(number)) for corner in corners])
+    return list(number), cells
+
+
+def written(path: Path, kind: str, entries: list[str]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = f"FoamFile {{ version 2.0; format ascii; class {kind}; object {path.name}; }}"
+    path.write_text(f"{header}\n{len(entries)}\n(\n{chr(10).join(entries)}\n)\n", encoding="utf-8")
+
+
+def test_polyhedra_in_a_case_folder_are_read(tmp_path: Path) -> None:
+    """The flow (1 - x, y) on cells of four and five corners, all of them inside.
+
+    On scattered points slopes are estimated: 2.2 % on 8 cells at most.
+    """
+    flat, cells = hanging_nodes()
+    sides: dict[tuple[int, ...], list[int]] = {}
+    for cell, corners in enumerate(cells):
+        for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+            sides.setdefault((min(a, b), max(a, b)), []).append(cell)
+    ordered = sorted(sides.items(), key=lambda item: -len(item[1]))
+    inside = sum(len(beside) == 2 for _, beside in ordered)
+    n, mesh = len(flat), tmp_path / MESH_FOLDER
+    fronts = [[c + layer * n for c in corners] for layer in (0, 1) for corners in cells]
+    faces = [[a, b, b + n, a + n] for (a, b), _ in ordered] + fronts
+    owner = [beside[0] for _, beside in ordered] + 2 * list(range(len(cells)))
+    at = [f"({x!r} {y!r} {z})" for z in (0, 0.1) for x, y in flat]
+    written(mesh / "points", "vectorField", at)
+    written(mesh / "faces", "faceList", [f"{len(f)}({' '.join(map(str, f))})" for f in faces])
+    written(mesh / "owner", "labelList", [f"{cell}" for cell in owner])
+    written(mesh / "neighbour", "labelList", [f"{beside[1]}" for _, beside in ordered[:inside]])
+    patch = "{name} {{ type {kind}; nFaces {faces}; startFace {start}; }}"
+    rim = patch.format(name="rim", kind="patch", faces=len(ordered) - inside, start=inside)
+    flanks = patch.format(name="flanks", kind="empty", faces=len(fronts), start=len(ordered))
+    written(mesh / "boundary", "polyBoundaryMesh", [rim, flanks])
+    written(tmp_path / "system/controlDict", "dictionary", [])
+    middles = [np.mean([flat[a], flat[b]], axis=0) for (a, b), _ in ordered[inside:]]
+    centres = [
+        0.5 * (np.min(p, axis=0) + np.max(p, axis=0)) for p in ([flat[c] for c in k] for k in cells)
+    ]
+    lists = [
+        [f"({1.0 - x!r} {y!r} 0)" for x, y in np.array(p).tolist()] for p in (centres, middles)
+    ]
+    texts = [f"nonuniform List<vector> {len(values)}({' '.join(values)})" for values in lists]
+    written(tmp_path / "1/U", "volVectorField", [])
+    (tmp_path / "1/U").write_text(
+        "FoamFile { version 2.0; format ascii; class volVectorField; object U; }\n"
+        f"dimensions [0 1 -1 0 0 0 0];\ninternalField {texts[0]};\n"
+        f"boundaryField {{ rim {{ type fixedValue; value {texts[1]}; }} }}\n", encoding="utf-8",
+    )  # fmt: skip
+    x, y = points(500)
+    sample = read_case(tmp_path).evaluate(x, y)
+    assert sample.inside.all()
+    np.testing.assert_allclose(sample.velocity_x, 1.0 - x, atol=0.03)
+    np.testing.assert_allclose(sample.velocity_y, y, atol=0.03)

@@ -35,6 +35,7 @@ from ellipsoid_coupling.schemes.fluxes.contract import (
     through_face,
 )
 from ellipsoid_coupling.schemes.grid import GHOSTS
+from ellipsoid_coupling.sharing import pack, unpack
 from ellipsoid_coupling.tuples import (
     Rows,
     Values,
@@ -190,8 +191,9 @@ def _sweep_rows(
 ) -> None:
     starts, counts, _ = runs
     longest = counts.max() + 2 * GHOSTS
+    packed = pack(flux)
     for task in numba.prange(tasks):
-        scratch = row_scratch(longest)
+        own, scratch = unpack(packed), row_scratch(longest)
         for row in range(task * starts.size // tasks, (task + 1) * starts.size // tasks):
             first, width = starts[row] - GHOSTS, counts[row]
             # Where the next row does not follow at once, the processor does not read on by itself.
@@ -199,7 +201,7 @@ def _sweep_rows(
                 ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
                 fetch_piece(ahead, counts[row + 1] + 2 * GHOSTS)
             cells = rows_at(fields, components, first)
-            gone[row] = sweep_row(flux, cells, first, width, ratio, scratch)
+            gone[row] = sweep_row(own, cells, first, width, ratio, scratch)
 
 
 class _Room(NamedTuple):
@@ -431,7 +433,9 @@ def _sweep_columns(
     """See `sweep_runs`; `way` is from row to row, the first row's first cell, and all round or 0."""
     starts, counts, widths = runs
     stride, corner, turn = way
+    packed = pack(flux)
     for task in numba.prange(starts.size):
+        own = unpack(packed)
         first, row = starts[task], whole_vectors(widths[task])
         if turn == 0:
             # Not beyond the last cell of all, where the march looks at the row above the last one.
@@ -439,7 +443,7 @@ def _sweep_columns(
         march = March(first, counts[task], widths[task], stride)
         ring = first - (first - corner) // stride * stride, turn
         rooms = march_room(components, row), np.empty((GHOSTS, len(components), row))
-        gone[task] = _march(flux, fields, components, march, ring, ratio, rooms)
+        gone[task] = _march(own, fields, components, march, ring, ratio, rooms)
 
 
 def sweep_runs(

@@ -85,7 +85,7 @@ def test_no_two_seconds_without_a_line_in_twenty_minutes(clock: Clock, lines: Li
 def test_stages_are_told_at_their_start_and_end(clock: Clock, lines: Lines) -> None:
     with ProgressReporter("run", clock) as report:
         report("one", 0.0)
-        clock.now += 1.0
+        clock.now += 0.5
         report("one", 0.5)
         report("one", 1.0)
         report("two", 0.25)

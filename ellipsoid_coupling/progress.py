@@ -25,7 +25,7 @@ from ellipsoid_coupling.compiling import listening
 
 # Seconds between two looks whether a line is due in a log, and the most that it stays silent: while
 # something is being done, and before anything is.
-_BEAT, _SILENCE, _PATIENCE = 0.25, 1.5, 0.7
+_BEAT, _SILENCE, _PATIENCE = 0.25, 1.0, 0.5
 # The log of a night shall not grow by two lines in three seconds: from twenty minutes on a pause is
 # this part of the time so far.
 _PART_OF_TIME = _SILENCE / 1200.0

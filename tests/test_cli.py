@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.cli import main
+from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.obtain import SHIPPED
 from ellipsoid_coupling.result import Result
 
@@ -182,3 +183,30 @@ def test_both_ways_to_start_it() -> None:
         check=True,
     )
     assert done.stdout.strip() == "0.1.0"
+
+
+@pytest.mark.parametrize(
+    ("tokens", "work"),
+    [
+        (["run", "rotation", "--model", "microscopic"], "simulation.simulate"),
+        (["compare", "rotation"], "compare.run_frontier"),
+        (["stability", "--quick"], "compare.stability.map_stability"),
+        (["flow", "cavity"], "flow.openfoam.solve_case"),
+    ],
+)
+def test_a_command_says_something_before_its_work_begins(
+    tokens: list[str],
+    work: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Before a kernel is compiled or a flow solved: the first thing that takes long."""
+    before: list[str] = []
+
+    def begin(*_: object, **__: object) -> None:
+        before.append(capsys.readouterr().err)
+        raise InputError("test", "an end", "a beginning", "Stop here.")
+
+    monkeypatch.setattr(f"ellipsoid_coupling.{work}", begin)
+    assert status_of(*tokens) == 2
+    assert f"{tokens[0]}: 0 %" in before[0].splitlines()

@@ -214,14 +214,14 @@ def test_a_pace_that_never_ends_is_told_soon(seconds_a_call: float, call: int) -
 def test_a_start_that_is_slow_for_a_moment_is_not_taken_for_the_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Steps that grow tenfold a call from 1e-12 of the run: the first look sees years."""
+    """Steps that grow threefold a call from 1e-12 of the run: the first look sees a week."""
     now = [0.0]
     monkeypatch.setattr("ellipsoid_coupling.monitors.time.perf_counter", lambda: now[0])
     model: Any = Clock()
     pace = Pace(1.0, 3600.0)
     for call in range(2000):
         now[0] += 0.01
-        model.time += min(10.0 ** (call - 12), 1e-4)
+        model.time += 10.0 ** min(0.5 * call - 12.0, -4.0)
         assert pace.look(model, lambda: now[0]) is None
 
 

@@ -170,7 +170,10 @@ def test_a_second_run_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     assert set(contents(tmp_path)) == {RUN_FILE, RESULT_FILE}
 
 
-@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "text", "alien", "pickle", "bomb"])
+_DAMAGES = ["cut", "flip", "empty", "text", "alien", "pickle", "bomb", "packed", "nested", "named"]
+
+
+@pytest.mark.parametrize("damage", _DAMAGES)
 def test_a_damaged_checkpoint_is_refused_and_kept(damage: str, tmp_path: Path) -> None:
     place = interrupted(tmp_path)
     file = tmp_path / CHECKPOINT_FILE
@@ -188,6 +191,13 @@ def test_a_damaged_checkpoint_is_refused_and_kept(damage: str, tmp_path: Path) -
         np.savez(file, meta=np.array('{"format": 1}'), other=np.zeros(3))
     elif damage == "pickle":
         np.savez(file, allow_pickle=True, meta=np.array([print, "object"], dtype=object))
+    elif damage == "packed":  # 100 kB that become 100 MB
+        np.savez_compressed(file, meta=np.array('{"format": 2}'), other=np.zeros(12_500_000))
+    elif damage == "nested":
+        np.savez(file, meta=np.array("[" * 100_000))
+    elif damage == "named":
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("x\x1b[2J", b"")
     else:  # a header that promises more than any memory has
         header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
         header += b" " * (63 - (10 + len(header)) % 64) + b"\n"
@@ -195,8 +205,9 @@ def test_a_damaged_checkpoint_is_refused_and_kept(damage: str, tmp_path: Path) -
             lead = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little")
             archive.writestr("seconds.npy", lead + header)
     before = contents(tmp_path)
-    with pytest.raises(InputError, match=CHECKPOINT_FILE):
+    with pytest.raises(InputError, match=CHECKPOINT_FILE) as caught:
         run(place)
+    assert str(caught.value).isprintable()
     assert contents(tmp_path) == before
 
 

@@ -135,3 +135,20 @@ def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
 def test_a_flow_for_a_scene_without_fluid_is_refused() -> None:
     with pytest.raises(InputError, match="Leave out --flow"):
         ec.simulate(ec.load_scene("stationary"), "microscopic", flow="somewhere")
+
+
+def test_data_sets_of_particles_and_grids_may_be_merged(tmp_path: Path) -> None:
+    """With xarray alone: x and y are axes of grids and variables of particles, whose names differ."""
+    results = [ec.simulate(small_scene(), name) for name in ("microscopic", "rho_mono_kinetic")]
+    micro, rho = (result.to_dataset() for result in results)
+    both = xr.merge([micro, rho], combine_attrs="drop")
+    assert both.nbytes <= micro.nbytes + rho.nbytes
+    assert both["particle_x"].dims == ("time", "realisation", "particle")
+    assert both["density"].dims == ("time", "y", "x")
+    assert np.array_equal(both["particle_x"], results[0].variables["x"])
+    for k, data in enumerate((micro, rho)):
+        data.to_netcdf(tmp_path / f"{k}.nc", engine="h5netcdf")
+    files = [xr.open_dataset(tmp_path / f"{k}.nc", engine="h5netcdf") for k in range(2)]
+    assert xr.combine_by_coords(files, combine_attrs="drop").nbytes <= both.nbytes
+    for file in files:
+        file.close()

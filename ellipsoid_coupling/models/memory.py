@@ -15,6 +15,7 @@ from ellipsoid_coupling.interaction.sample_choice import affordable_harmonics, s
 from ellipsoid_coupling.interaction.sample_nodes import nodes_per_width
 from ellipsoid_coupling.limits import in_words, memory_left
 from ellipsoid_coupling.models.base import Model, Setup
+from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK
@@ -25,16 +26,17 @@ _NUMBER = 8  # bytes of a float64
 # What kernels that are compiled, and the libraries that write the result, take besides; bytes.
 _LIBRARIES = 1.5e8
 # Numbers an item has beside what is saved of it. Particles: 3 x (place, velocity, force), and a flag.
-# Cells: fields, drift, their copies for a refused step, what of the drift is constant; for q under
-# `accurate` the stages of a step.
+# Cells: fields with their ghosts, drift, their copies for a refused step, what of the drift is constant.
 _WORK = {
     ("particles", "paper"): 10,
     ("particles", "accurate"): 10,
     ("rho", "paper"): 16,
     ("rho", "accurate"): 22,
     ("q", "paper"): 10,
-    ("q", "accurate"): 18,
+    ("q", "accurate"): 12,
 }
+# Under pressure `accurate` keeps the stages of a step.
+_STAGES = 15
 # Of particles that one step takes together: the trial step, sums and sorted copies.
 _TRIAL = {"paper": 2, "accurate": 14}
 _PAIRS = 14
@@ -76,7 +78,9 @@ def peak_memory(model: type[Model], name: str, setup: Setup) -> float:
 def _needs(model: type[Model], name: str, setup: Setup) -> list[Need]:
     needs = [Need("libraries", 1.0, "", _LIBRARIES)]
     if model.layout != "particles":
-        return needs + _grid_needs(model.layout, setup)
+        under_pressure = PRESSURE.get(name.removeprefix("q_"), 0.0) > 0.0
+        staged = under_pressure and setup.scheme == "accurate"
+        return needs + _grid_needs(model.layout, setup, _STAGES if staged else 0)
     needs += _particle_needs(model, setup) + _pair_needs(setup.scene)
     if name == "mckean_vlasov":
         needs += _node_needs(setup.scene, setup.realisations)
@@ -137,13 +141,13 @@ def _pair_needs(scene: Scene) -> list[Need]:
     return needs
 
 
-def _grid_needs(layout: str, setup: Setup) -> list[Need]:
+def _grid_needs(layout: str, setup: Setup, stages: int) -> list[Need]:
     scene = setup.scene
     cells, keys = _cells(scene, scene.numerics.cell), "keys numerics.cell, domain, times"
     if layout == "q":
         cells *= scene.numerics.angle_cells
         keys = keys.replace("cell,", "cell, numerics.angle_cells,")
-    work = _WORK[layout, setup.scheme] + max(_saved(layout, len(scene.times)))
+    work = _WORK[layout, setup.scheme] + stages + max(_saved(layout, len(scene.times)))
     if scene.interaction is None:
         return [_need("cells", cells, keys, work)]
     reach = potential_shape(scene.particles.length, scene.particles.width).reach

@@ -44,8 +44,10 @@ for scene, model, scheme, large, small in json.load(sys.stdin):
     print(json.dumps([model, scheme, peak, told]), flush=True)
 """
 PARTICLES = {"particles.number": 1000, "particles.realisations": 400, "numerics.time_step": 2e-3}
-RHO = {"numerics.cell": 0.005}
-Q = {"numerics.cell": 0.03, "numerics.angle_cells": 40}
+# Mass everywhere: pages of cells that nothing reaches are never given.
+FULL = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5]}
+RHO = FULL | {"numerics.cell": 0.005}
+Q = FULL | {"numerics.cell": 0.03, "numerics.angle_cells": 40}
 SIZES = {"particles": PARTICLES, "rho": RHO, "q": Q}
 SMALL = {
     "particles": {"particles.number": 20, "particles.realisations": 2},

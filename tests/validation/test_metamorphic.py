@@ -262,8 +262,8 @@ def require_cells(found: dict[str, Floats], expected: dict[str, Floats], within:
 @pytest.mark.parametrize("reflecting", [False, True])
 def test_grids_mirrored(model: str, scheme: str, reflecting: bool) -> None:
     """Cells on cells, sweeps on sweeps: rounding."""
-    case = (REFLECTING if reflecting else CASE).mapped(MIRROR, -1.0, math.pi)
-    expected = on_cells(plain(model, scheme, reflecting), MIRROR, -1.0, math.pi)
+    case = (REFLECTING if reflecting else CASE).mapped(MIRROR, -1.0, 0.0)
+    expected = on_cells(plain(model, scheme, reflecting), MIRROR, -1.0, 0.0)
     require_cells(last(case.run(model, scheme)), expected, 1e-11)
 
 
@@ -292,8 +292,8 @@ def test_grids_do_not_feel_half_turns(model: str, scheme: str, turns: int) -> No
     require_cells(found, on_cells(plain(model, scheme), np.eye(2), 1.0, turn), 1e-10)
 
 
-@each_grid_run
-def test_grids_do_not_feel_save_times(model: str, scheme: str) -> None:
-    """The last state is that of a run that saves only it."""
-    found = last(replace(CASE, times=(0.07, 0.13, END)).run(model, scheme))
-    require_cells(found, last(plain(model, scheme)), 1e-10)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_grids_do_not_feel_save_times(scheme: str) -> None:
+    """The last state is that of a run that saves only it; the other models: test_grid_invariance."""
+    found = last(replace(CASE, times=(0.07, 0.13, END)).run("q_maxwellian", scheme))
+    require_cells(found, last(plain("q_maxwellian", scheme)), 1e-12)

@@ -34,7 +34,7 @@ from ellipsoid_coupling.flow.mesh_flow import SINGLE, MeshFlow, flow_field
 from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
 from ellipsoid_coupling.flow.vtk_files import REMEDY, check_internal, read_patch
-from ellipsoid_coupling.inputs import is_folder, is_ordinary
+from ellipsoid_coupling.inputs import exists, is_folder, is_ordinary
 from ellipsoid_coupling.limits import MOST_PATCHES
 
 Array = NDArray[np.float64]
@@ -71,8 +71,8 @@ def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
     time's folder. Parameters and errors as `read_case` and `read_vtk`.
     """
     folder = path.parent if path.name == "internal.vtu" else path
-    has_vtk = is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))
-    if has_vtk and not is_folder(folder / "system"):
+    no_case = is_folder(folder) and not is_folder(folder / "system")
+    if no_case and (is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))):
         return read_vtk(folder, allow_misfit=allow_misfit)
     return read_case(path, allow_misfit=allow_misfit)
 
@@ -139,9 +139,9 @@ def _located(path: Path) -> tuple[Path, str | None]:
         if is_folder(around / "constant"):
             case, wanted = around, path.resolve().name
     if not is_folder(case):
-        if path.suffix in _VTK_FILES:
+        if path.suffix in _VTK_FILES and is_ordinary(path):
             raise _legacy(path)
-        found = "an ordinary file" if is_ordinary(case) else "no such folder"
+        found = "something else" if exists(case) else "no such folder"
         raise _error(path, "a solved OpenFOAM case folder", found, "Check the path.")
     if packed(case / "system/controlDict") is None:
         if any(case.glob("*.vtk")):

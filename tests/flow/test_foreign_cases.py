@@ -256,6 +256,23 @@ def test_the_case_may_be_named_in_many_ways(case: Path, known: FlowField) -> Non
         flow_at(case / "6")
 
 
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("a\0b", "no such folder"), ("a" * 300, "no such folder"), ("\udcff\x1b.foam", "no system"),
+        ("nowhere/internal.vtu", "no such folder"), ("no.vtk", "no such folder"),
+        (U, "something else"), ("constant", "no system/controlDict"), ("0.5", "no such folder"),
+    ],
+)  # fmt: skip
+def test_what_is_no_case_is_an_input_error(
+    tmp_path: Path, cavity_16: Path, name: str, found: str
+) -> None:
+    """In one printable line, whatever the path is."""
+    with pytest.raises(InputError, match=found) as caught:
+        flow_at((cavity_16 if name in (U, "constant") else tmp_path) / name)
+    assert str(caught.value).isprintable()
+
+
 def test_files_for_paraview_name_the_case_as_the_remedy(
     case: Path, cavity_16: Path, known: FlowField
 ) -> None:

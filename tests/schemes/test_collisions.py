@@ -100,11 +100,11 @@ def truth(scene: Scene) -> tuple[Floats, Floats]:
 def test_a_colliding_pair_is_seen(name: str) -> None:
     """Nobody is in reach for 30 time units, then they collide once and spin freely for 70.
 
-    A step's error of 1e-4 rad within 0.05, the collision's time step, leaves an error of some 0.006 in
-    the angular velocity: 0.6 rad after 80. Order 2 of a third-order estimate: (1e-3)^(2/3) = 1e-2 of it
-    at 1e-7. Passed unseen, x is off by 2.6 and the angle by 9.3.
+    Errors of 1e-4 rad a step of 0.05, a few of them in the collision, leave some 0.01 in the angular
+    velocity, which nothing damps: 0.8 rad after 70. Order 2 of a third-order estimate: (1e-3)^(2/3), a
+    hundredth of it, at 1e-7. Passed unseen, x is off by 2.6 and the angle by 9.3.
     """
-    for tolerance, in_x, in_angle in ((1e-4, 0.03, 1.0), (1e-7, 1e-4, 5e-3)):
+    for tolerance, in_x, in_angle in ((1e-4, 0.03, 1.2), (1e-7, 1e-4, 5e-3)):
         model = ran(shear_scene(PAIR, 100.0, **{"numerics.tolerance": tolerance}), name)
         x, angle = ends(model)
         assert abs(x[0] - PAIR_ENDS[0]) < in_x

@@ -4,9 +4,9 @@ A force that is 0 at both ends of a step tells nothing of what lies between. So 
 shall move, against one another, by more than a part of how thick a particle's potential is:
 
     dt |v_i - v_j| <= c b,    b = sqrt(2) d the potential's reach on the short side, d = 2 D,
-                              c = ln(1/tolerance)^{-1/2}
+                              c = (2/ln(1/tolerance))^{1/2}
 
-A chord of the potential that is shorter than c b lies where exp(-s/(1-s)) is below the tolerance.
+A chord of the potential that is shorter than c b lies where exp(-s/(1-s)) is below tolerance^2.
 
 To compare all pairs would cost as much as their forces. Instead the displacements d_i of a step are
 compared with a motion r -> A r + b that is fitted to some of them, of strain S (the symmetric part of A)
@@ -19,10 +19,10 @@ Flows are smooth: e is small where particles are many. A neighbour that is too w
 tolerance in a step may be passed (`pull`); for all of them together the root mean square of e_i counts
 instead of the largest.
 
-With noise, a step that ends inside a neighbour is not repeated. Then the width also is at most the length
-in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the energy that the
-pair meets with, of heat and of the motion that is seen. Nothing here looks at the noise to come, so no
-outcome is preferred.
+With noise, a step that ends inside a neighbour is not repeated. Then c^2 is half of that, and the width at
+most the length in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the
+energy that the pair meets with, of heat and of the motion that is seen. Nothing here looks at the noise
+to come, so no outcome is preferred.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ def contact_of(
         The height of a neighbour's potential (0 without noise), the thermal energy, and the mass.
     """
     thickness = shape.reach * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
-    part = 1.0 / math.sqrt(max(math.log(1.0 / tolerance), 2.0))
+    noisy = energies[0] > 0.0
+    part = math.sqrt((1.0 if noisy else 2.0) / max(math.log(1.0 / tolerance), 2.0))
     lever, ghost_reach = shape.reach - thickness, shape.reach * ghosts
     return Contact(shape.reach, thickness, part, lever, pull, ghost_reach, *energies)
 

@@ -102,8 +102,8 @@ def stationary(page: Page) -> None:
         for title in JUDGED.values()
     } | {"microscopic": 3.0 * _sampling_floor(target, 200 * realisations)}
     _figures(page, curves, floors)
-    for scheme, title in JUDGED.items():
-        _judge_decay(page, scheme, curves[title], floors[title])
+    for judged, title in JUDGED.items():
+        _judge_decay(page, judged, curves[title], floors[title])
     _judge_interaction(page, target)
     _judge_large_noise(page, target)
 

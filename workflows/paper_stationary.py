@@ -24,7 +24,7 @@ AMPLITUDES = (0.0, 0.2, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CURVES: tuple[tuple[str, str, SchemeName], ...] = (
     ("microscopic", "microscopic", "accurate"),
     ("q_maxwellian", "q_maxwellian", "accurate"),
-    ("q, Maxwellian, the paper's scheme", "q_maxwellian", "paper"),
+    ("q, Maxwellian, paper", "q_maxwellian", "paper"),
 )
 # Which of them a verdict on the q-equation is about.
 JUDGED = {"paper": CURVES[2][0], "accurate": CURVES[1][0]}

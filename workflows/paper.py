@@ -115,20 +115,23 @@ def top_bottom(page: Page) -> None:
             "interaction instead of one): harmonics in both angles precompute what the paper could not"
         )
 
-    for statement, decide in (
+    micro, q, rho, diffusive = models
+    for statement, needed, decide in (
         (
             "2a. Top-bottom: q and rho follow the microscopic density up to the crossing",
+            (micro, q, rho),
             lambda found: all_within(found, closures, "density", ALIKE, CROSSING),
         ),
-        ("2b. Top-bottom: the diffusive limit deviates", deviates),
+        ("2b. Top-bottom: the diffusive limit deviates", (micro, diffusive), deviates),
         (
             "3a. Top-bottom angles: q captures the microscopic distribution up to the crossing",
+            (micro, q),
             lambda found: all_within(found, closures[:1], "angle", ALIKE, CROSSING),
         ),
-        ("3b. Top-bottom angles: rho stays closer to 0", closer),
-        ("5. The diffusive equations cost much more", much_more),
+        ("3b. Top-bottom angles: rho stays closer to 0", (micro, rho), closer),
+        ("5. The diffusive equations cost much more", (rho, diffusive), much_more),
     ):
-        judge_both(page, runs, statement, models, decide)
+        judge_both(page, runs, statement, needed, decide)
     if runs.limit:
         approach_of_the_limit(page, float(spread(runs.limit)[0]))
     _judge_numerical_diffusion(page)

@@ -78,7 +78,7 @@ def tell_differences(page: Page, runs: Runs) -> None:
     if ensemble is None or runs.limit is None:
         return
     finite = errors_against(ensemble, runs.limit)
-    for model in own.keys() & accurate.keys() - {"microscopic"}:
+    for model in [name for name in accurate if name in own and name != "microscopic"]:
         scheme = errors_against(own[model], accurate[model])
         closure = errors_against(accurate[model], runs.limit)
         for kind in ("density", "angle"):

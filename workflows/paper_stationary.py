@@ -24,7 +24,7 @@ AMPLITUDES = (0.0, 0.2, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CURVES: tuple[tuple[str, str, SchemeName], ...] = (
     ("microscopic", "microscopic", "accurate"),
     ("q_maxwellian", "q_maxwellian", "accurate"),
-    ("q, Maxwellian, the paper's scheme", "q_maxwellian", "paper"),
+    ("q, Maxwellian, paper", "q_maxwellian", "paper"),
 )
 # Which of them a verdict on the q-equation is about.
 JUDGED = {"paper": CURVES[2][0], "accurate": CURVES[1][0]}
@@ -102,8 +102,8 @@ def stationary(page: Page) -> None:
         for title in JUDGED.values()
     } | {"microscopic": 3.0 * _sampling_floor(target, 200 * realisations)}
     _figures(page, curves, floors)
-    for scheme, title in JUDGED.items():
-        _judge_decay(page, scheme, curves[title], floors[title])
+    for judged, title in JUDGED.items():
+        _judge_decay(page, judged, curves[title], floors[title])
     _judge_interaction(page, target)
     _judge_large_noise(page, target)
 

@@ -149,7 +149,11 @@ def _checked(opened: h5py.File, name: str) -> h5py.Dataset:
         raise ValueError(f"{name} as a group or a type, not a variable")
     # Looked at before the space: that of a virtual array opens other files.
     made = part.get_create_plist()
-    if made.get_layout() != h5py.h5d.CONTIGUOUS or made.get_external_count() or made.get_nfilters():
+    layout = made.get_layout()
+    # A dimension of no length can grow, for HDF5: its arrays are made for pieces, and have none.
+    empty = layout == h5py.h5d.CHUNKED and not part.get_storage_size()
+    whole = layout == h5py.h5d.CONTIGUOUS or empty
+    if not whole or made.get_external_count() or made.get_nfilters():
         raise ValueError(f"{name} in pieces, packed, or in another file")
     kind, space = part.get_type(), part.get_space()
     if kind.committed() or not isinstance(kind, h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID):
@@ -160,7 +164,7 @@ def _checked(opened: h5py.File, name: str) -> h5py.Dataset:
     stored = part.get_storage_size()
     if len(shape) > _MOST_RANK or (stored and stored != math.prod(shape) * kind.get_size()):
         raise ValueError(f"{name} of shape {shape} in {stored} bytes")
-    if not stored and len(shape) > 1 and math.prod(shape):
+    if not stored and (len(shape) > 1 or empty) and math.prod(shape):
         raise ValueError(f"{name} of shape {shape} without numbers")
     return h5py.Dataset(part)
 

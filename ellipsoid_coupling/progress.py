@@ -73,7 +73,7 @@ class Waiting:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._last_line = clock()
-        self._what = "loading"
+        self._what, self._pause = "loading", _PATIENCE
         self._heart = _Heart(self.beat)
 
     def __enter__(self) -> Self:
@@ -87,9 +87,9 @@ class Waiting:
         """Write a line if the command has been silent for long."""
         now = self._clock()
         if Waiting.busy:
-            self._last_line, self._what = now, "finishing"
-        elif now - self._last_line >= _PATIENCE:
-            self._last_line = now
+            self._last_line, self._what, self._pause = now, "finishing", _PATIENCE
+        elif now - self._last_line >= self._pause:
+            self._last_line, self._pause = now, _SILENCE
             _write(f"{self._what} ...")
 
 

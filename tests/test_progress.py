@@ -111,6 +111,12 @@ def test_a_command_that_loads_says_so_after_a_while(clock: Clock, lines: Lines) 
         clock.now += 0.2
         waiting.beat()
         assert lines() == ["loading ..."]
+        clock.now += 0.6
+        waiting.beat()
+        assert lines() == []
+        clock.now += 0.6
+        waiting.beat()
+        assert lines() == ["loading ..."]
         with ProgressReporter("run", clock):
             clock.now += 10.0
             waiting.beat()

@@ -224,17 +224,21 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
     assert left == {"run.toml", "result.nc"}
 
 
+# Each with the exit status of a run that it stops.
+SIGNALS = {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 129}
+
+
 @pytest.fixture
 def obeyed() -> Iterator[Callable[..., Any]]:
-    """Both signals end the process, as in a terminal; a shell's background ignores SIGINT."""
+    """All signals end the process, as in a terminal; a shell's background ignores SIGINT."""
     handler = signal.default_int_handler
-    before = {number: signal.signal(number, handler) for number in (signal.SIGTERM, signal.SIGINT)}
+    before = {number: signal.signal(number, handler) for number in SIGNALS}
     yield handler
     for number, old in before.items():
         signal.signal(number, old)
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "status"), SIGNALS.items())
 def test_a_signal_writes_a_checkpoint_first(
     number: int, status: int, tmp_path: Path, obeyed: Callable[..., Any]
 ) -> None:

@@ -57,7 +57,7 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
-    "model", "scheme", "status", "resolution", "flow", "flow_digest", "package_version",
+    "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
     "step_limits",
 )  # fmt: skip
 _NUMBERS = (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling import histograms
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, shown
 from ellipsoid_coupling.files import whole_file
 from ellipsoid_coupling.inputs import exists, is_folder
 from ellipsoid_coupling.netcdf import Stored, read_netcdf, write_netcdf
@@ -57,7 +57,7 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
-    "model", "scheme", "status", "resolution", "flow", "flow_digest", "package_version",
+    "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
     "step_limits",
 )  # fmt: skip
 _NUMBERS = (
@@ -205,7 +205,8 @@ class Result:
         from ellipsoid_coupling.scenes import scene_to_toml
 
         data = self._file_dataset()
-        data.attrs |= {name: _one_line(value) for name, value in data.attrs.items()}
+        texts = {name: value for name, value in data.attrs.items() if isinstance(value, str)}
+        data.attrs |= {name: shown(text)[: _LONGEST - 1] for name, text in texts.items()}
         data.attrs["scene_toml"] = scene_to_toml(self.scene)
         with whole_file(path) as beside:
             write_netcdf(data, beside)
@@ -265,32 +266,27 @@ class Result:
                 expected = f"floats over ({over}) = {shape}, alike for all variables"
                 found = f"{array.dtype} {array.shape}"
                 raise InputError(f"{where}, {name}", expected, found, _REMEDY)
+        axes = {k for k in DIMENSIONS[self.layout] if k in _DESCRIPTION} - {"time"}
+        if set(self.coordinates) != axes:
+            raise InputError(where, f"numbers for the axes {', '.join(axes)}", "none", _REMEDY)
         for name, array in (self.variables | self.coordinates).items():
-            if array.dtype.kind != "f" or not np.isfinite(array).all():
-                bad = (
-                    np.argwhere(~np.isfinite(array))[0].tolist() if array.dtype.kind == "f" else ""
-                )
+            wrong = ~np.isfinite(array)
+            if wrong.any():
                 raise InputError(
-                    f"{where}, {name}{bad}", "a finite number", "NaN or infinity", _REMEDY
-                )
+                    f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",
+                    "NaN or infinity", _REMEDY,
+                )  # fmt: skip
         self._check_attributes(where)
 
     def _check_attributes(self, where: str) -> None:
         """InputError unless what the package itself shows or counts with is of its kind."""
-        shown = {"model": self.model, "scheme": self.scheme, **self.attributes}
-        for name, value in shown.items():
+        told = {"model": self.model, "scheme": self.scheme, **self.attributes}
+        for name, value in told.items():
             is_text, is_number = isinstance(value, str), isinstance(value, int | float)
-            if name in _TEXTS and not (is_text and value.isprintable() and len(value) < _LONGEST):
-                expected = f"one line of at most {_LONGEST} characters"
+            if name in _TEXTS and not (is_text and shown(value) == value and len(value) < _LONGEST):
+                expected = f"text of at most {_LONGEST} printable characters"
                 raise InputError(f"{where}, attribute {name}", expected, repr(value), _REMEDY)
             if name in _NUMBERS and not (is_number and math.isfinite(value)):
                 raise InputError(
                     f"{where}, attribute {name}", "a finite number", repr(value), _REMEDY
                 )
-
-
-def _one_line(value: object) -> object:
-    """Text as `Result.load` takes it back: what is not printable as escapes."""
-    if not isinstance(value, str):
-        return value
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in value)[: _LONGEST - 1]

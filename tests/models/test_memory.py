@@ -43,13 +43,17 @@ for scene, model, scheme, large, small in json.load(sys.stdin):
     told = peak_memory(_classes()[model], model, setup) - _LIBRARIES
     print(json.dumps([model, scheme, peak, told]), flush=True)
 """
-PARTICLES = {"particles.number": 1000, "particles.realisations": 400, "numerics.time_step": 2e-3}
+PARTICLES: dict[str, Any] = {
+    "particles.number": 1000,
+    "particles.realisations": 400,
+    "numerics.time_step": 2e-3,
+}
 # Mass everywhere: pages of cells that nothing reaches are never given.
-FULL = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5]}
+FULL: dict[str, Any] = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5]}
 RHO = FULL | {"numerics.cell": 0.005}
 Q = FULL | {"numerics.cell": 0.03, "numerics.angle_cells": 40}
-SIZES = {"particles": PARTICLES, "rho": RHO, "q": Q}
-SMALL = {
+SIZES: dict[str, dict[str, Any]] = {"particles": PARTICLES, "rho": RHO, "q": Q}
+SMALL: dict[str, dict[str, Any]] = {
     "particles": {"particles.number": 20, "particles.realisations": 2},
     "rho": {"numerics.cell": 0.1},
     "q": {"numerics.cell": 0.1, "numerics.angle_cells": 8},

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import scene_to_toml
+from ellipsoid_coupling.scenes import load_scene, scene_to_toml
 from ellipsoid_coupling.seal import sealed
 from tests.robustness.test_mutations import small_result
 
@@ -284,7 +284,9 @@ def test_text_that_no_terminal_should_get_is_escaped_when_saved(tmp_path: Path) 
 def test_a_long_scene_is_kept(tmp_path: Path) -> None:
     """One of many points is longer than what HDF5 keeps in an attribute itself (64 kB)."""
     result = small_result()
-    scene = result.scene.model_copy(update={"title": "t" * 70_000})
+    points = [[0.0001 * k, 0.5, 0.25] for k in range(5000)]
+    settings = {"particles.number": 5000, "start": {"points": points}}
+    scene = load_scene("top_bottom", settings)
     assert len(scene_to_toml(scene)) > 65_536
     dataclasses.replace(result, scene=scene).save(tmp_path / "result.nc")
     assert Result.load(tmp_path / "result.nc").scene == scene

@@ -55,17 +55,21 @@ ONLY_IN = {
     "subprocess": ("flow",),
 }
 # What stands in models/ beside the models themselves.
-SHARED_BY_MODELS = ("__init__", "base", "parts", "r_grid", "spot")
+SHARED_BY_MODELS = ("__init__", "base", "parts", "r_grid", "spot", "told")
 # One reader, three sources of OpenFOAM data: see ellipsoid_coupling/flow.
 GPL = {"foamlib", "fluidfoam", "PyFoam"}
 
 
 def imported(source: Path) -> Iterator[str]:
+    """The modules that a file imports; of ``from package import module``, the module."""
     for node in ast.walk(ast.parse(source.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
+            folder = PACKAGE.parent / node.module.replace(".", "/")
+            for alias in node.names:
+                is_module = (folder / f"{alias.name}.py").is_file()
+                yield f"{node.module}.{alias.name}" if is_module else node.module
 
 
 def part(module: str) -> str:

@@ -54,7 +54,7 @@ def scene_flow(
         [flow].
     """
     if scene.flow is None:
-        if given not in (None, Wanted()):
+        if _names_flow(given):
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
@@ -68,6 +68,11 @@ def scene_flow(
         return analytic_flow(scene.flow.field)
     named = scene.flow.field, scene.flow.cells, path
     return obtain_flow(*named, report=report, allow_misfit=allow_misfit)
+
+
+def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
+    """Whether a flow is given, and not only how to take the scene's own."""
+    return given.path is not None if isinstance(given, Wanted) else given is not None
 
 
 def simulate(
@@ -117,7 +122,7 @@ def simulate(
     if place is not None:
         place.check()
         place.check_same(*_identity(model, setup))
-    if flow in (None, Wanted()) and place is not None and place.keeps_flow:
+    if not _names_flow(flow) and place is not None and place.keeps_flow:
         field = run_flow(place.path, scene)
     else:
         field = scene_flow(scene, flow, report)

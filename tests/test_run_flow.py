@@ -14,9 +14,10 @@ import pytest
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import FlowField, WallVelocity, obtain, openfoam, programs
+from ellipsoid_coupling.flow import FlowField, WallVelocity, Wanted, obtain, openfoam, programs
 from ellipsoid_coupling.flow.obtain import SHIPPED
 from ellipsoid_coupling.run_flow import load_runs, run_flow
+from ellipsoid_coupling.simulation import scene_flow
 
 SMALL = ["--set", "particles.number=20", "particles.realisations=1", "times=[0.1, 0.2]"]
 SMALL += ["particles.length=0.1", "particles.width=0.05", "numerics.cell=0.1"]
@@ -43,7 +44,7 @@ def no_solver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     ):  # fmt: skip
         monkeypatch.setattr(module, name, refuse)
     monkeypatch.setattr(obtain, "openfoam_available", lambda: True)
-    monkeypatch.setattr(obtain, "cache_home", lambda: tmp_path / "cache")
+    monkeypatch.setenv("ELLIPSOID_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
@@ -78,8 +79,10 @@ def fast(tmp_path: Path) -> Path:
 
 def test_a_flow_for_a_scene_without_fluid_is_refused() -> None:
     """As a field like as a path: a run without it would carry its name."""
-    with pytest.raises(InputError, match="Leave out --flow"):
-        ec.simulate(ec.load_scene("stationary"), "microscopic", flow=lid(1.0))
+    for flow in (lid(1.0), "somewhere", Path("somewhere"), Wanted(Path("somewhere"))):
+        with pytest.raises(InputError, match="Leave out --flow"):
+            ec.simulate(ec.load_scene("stationary"), "microscopic", flow=flow)
+    assert scene_flow(ec.load_scene("stationary"), Wanted(allow_misfit=True)) is None
 
 
 def test_the_run_folder_holds_the_flow(fast: Path) -> None:
@@ -301,6 +304,10 @@ def test_a_resumed_run_has_its_flow_from_its_folder(tmp_path: Path) -> None:
     assert np.array_equal(resumed.variables["x"], expected.variables["x"])
     assert resumed.attributes["flow"] == flow.origin
     place = stopped(tmp_path / "b", flow, scene)
+    third = stopped(tmp_path / "c", flow, scene)
+    asked = Wanted(allow_misfit=True)
+    again = ec.simulate(scene, "microscopic", "paper", flow=asked, folder=third)
+    assert again.attributes["flow"] == flow.origin
     cached = replace(flow, origin="cache: of now")
     assert ec.simulate(scene, "microscopic", "paper", flow=cached, folder=place).status == (
         "completed"

@@ -55,7 +55,7 @@ ONLY_IN = {
     "subprocess": ("flow",),
 }
 # What stands in models/ beside the models themselves.
-SHARED_BY_MODELS = ("__init__", "base", "parts", "r_grid", "spot")
+SHARED_BY_MODELS = ("__init__", "base", "parts", "r_grid", "spot", "told")
 # One reader, three sources of OpenFOAM data: see ellipsoid_coupling/flow.
 GPL = {"foamlib", "fluidfoam", "PyFoam"}
 

@@ -23,10 +23,10 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction, box_of
 from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
-from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.told import as_counts, of_crossing, of_one_angle, of_start
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -223,7 +223,7 @@ class QEquation:
         crossing = {} if self._crossing is None else self._crossing.counts()
         crossed = math.nan if self._crossing is None else self._crossing.time
         scene, turns = self._setup.scene, self.system.fields.shape[0] > QOMEGA
-        one = told.of_one_angle(scene, turns) if self.grid.angles == 1 else []
+        one = of_one_angle(scene, turns) if self.grid.angles == 1 else []
         return (
             step_log(self.clock)
             | crossing
@@ -232,7 +232,7 @@ class QEquation:
                 "mass_end": self._mass(),
                 "mass_left": float(self.system.left[0] * self.grid.volume),
             }
-            | told.as_counts(told.of_crossing(crossed), told.of_start(scene), one)
+            | as_counts(of_crossing(crossed), of_start(scene), one)
         )
 
     def coordinates(self) -> dict[str, Floats]:

@@ -16,10 +16,10 @@ from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.kernels import threads_for
-from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.told import as_counts, of_mixed_angles, of_start
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.schemes.fluxes import AnyFlux
 from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
@@ -267,13 +267,13 @@ class RGridEquation:
                 "mass_end": self._mass(),
                 "mass_left": float(self._left[0] * self.cell**2),
             }
-            | told.as_counts(self.told())
+            | as_counts(self.told())
         )
 
     def told(self) -> list[str]:
         """Sentences for `Result.warnings`."""
         scene = self._setup.scene
-        return told.of_start(scene) + told.of_mixed_angles(scene)
+        return of_start(scene) + of_mixed_angles(scene)
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""

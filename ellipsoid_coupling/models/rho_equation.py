@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ellipsoid_coupling.models import told
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
+from ellipsoid_coupling.models.told import of_crossing
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.schemes.crossing import CrossingDetector
 from ellipsoid_coupling.schemes.splitting import GodunovSplitting, KickDriftKick, Splitting
@@ -54,7 +54,7 @@ class RhoEquation(RGridEquation):
 
     def told(self) -> list[str]:
         """As every r-grid equation's, and that characteristics have crossed."""
-        return super().told() + told.of_crossing(self._crossing.time)
+        return super().told() + of_crossing(self._crossing.time)
 
 
 MODEL = RhoEquation

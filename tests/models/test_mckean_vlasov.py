@@ -275,7 +275,7 @@ def test_shared_blocks_have_the_bits_of_blocks_one_by_one(
     scene = scene_with(particles=particles(50), noise=noise, **settings)
     found = []
     for least in (0, 10**6):
-        monkeypatch.setattr("ellipsoid_coupling.schemes.particles.together._LEAST_SAMPLES", least)
+        monkeypatch.setattr("ellipsoid_coupling.schemes.particles.blocks._LEAST_SAMPLES", least)
         model = model_of("mckean_vlasov", scene, scheme, realisations=5)
         model.advance(1.0)
         found.append(model.state())

@@ -265,7 +265,7 @@ def test_a_run_that_would_take_too_long_stops_with_a_checkpoint(tmp_path: Path) 
 
 def test_without_a_folder_it_stops_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ellipsoid_coupling.simulation.LONGEST_RUN", 1.0)
-    with pytest.raises(RunError, match="(?:hours|days|years) more"):
+    with pytest.raises(RunError, match=r"(?:hours|days|years) more"):
         ec.simulate(beyond_bounds(ec.load_scene("rotation", SLOW), cfl=1e-10), "rho_mono_kinetic")
 
 

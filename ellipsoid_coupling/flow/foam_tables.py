@@ -22,6 +22,7 @@ from ellipsoid_coupling.flow.foam_rules import (
     words,
     words_of,
 )
+from ellipsoid_coupling.limits import MOST_FLOW_STEPS
 
 SOLVERS = ("icoFoam",)
 _LONGEST_TIME = 1e9
@@ -172,6 +173,12 @@ def control(section: Section, at_rest: float) -> tuple[list[str], float]:
     rest = {key: value for key, value in section.entries.items() if value is not own or has_own}
     lines = entries(replace(section, entries=rest), CONTROL)
     end = real_of(section, "endTime", 1e-30, _LONGEST_TIME)
+    step = real_of(section, "deltaT", 1e-30, _LONGEST_TIME)
+    if end > step * MOST_FLOW_STEPS:
+        raise section.error(
+            items_of(section, "deltaT")[0].at, f"at most {MOST_FLOW_STEPS} steps to endTime {end:g}",
+            f"deltaT {step:g}, which makes {end / step:.3g}",
+        )  # fmt: skip
     lines += ["runTimeModifiable no;", "writeControl runTime;", f"writeInterval {figure(end)};"]
     lines += [] if has_own else braces("functions", braces("rest", _end_at(at_rest)))
     return lines, end
@@ -205,5 +212,5 @@ def transport(section: Section) -> list[str]:
     rules: Rules = {
         "FoamFile": HEADER, "transportModel": choice("Newtonian"), "nu": nu, "rho": dropped,
     }  # fmt: skip
-    lines = entries(section, rules)
-    return lines if "nu" in section.entries else [*lines, f"nu {nu(section, 'nu')};"]
+    items_of(section, "nu")
+    return entries(section, rules)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ellipsoid_coupling.flow.foam_dictionary import Number, Section, Units, Word
 from ellipsoid_coupling.flow.foam_rules import (
     HEADER,
+    Rule,
     Rules,
     braces,
     choice,
@@ -17,6 +18,7 @@ from ellipsoid_coupling.flow.foam_rules import (
     real,
     real_of,
     require_units,
+    subsection,
     switch,
     whole,
     words,
@@ -194,6 +196,23 @@ def _end_at(at_rest: float) -> list[str]:
     ]  # fmt: skip
 
 
+def solution(section: Section) -> list[str]:
+    """system/fvSolution as lines; InputError where it has no solver for what icoFoam solves."""
+    solvers = subsection(section, "solvers")
+    for needed in ("p", "pFinal", "U"):
+        subsection(solvers, needed)
+    return entries(section, SOLUTION)
+
+
+def _dropped_if(word: str) -> Rule:
+    """One word alone, which goes without saying."""
+
+    def rule(section: Section, key: str) -> None:
+        choice(word)(section, key)
+
+    return rule
+
+
 def transport(section: Section) -> list[str]:
     """constant/transportProperties as lines: nu, with or without its name and dimensions."""
 
@@ -211,6 +230,7 @@ def transport(section: Section) -> list[str]:
 
     rules: Rules = {
         "FoamFile": HEADER, "transportModel": choice("Newtonian"), "nu": nu, "rho": dropped,
+        "viscosityModel": _dropped_if("constant"),
     }  # fmt: skip
     items_of(section, "nu")
     return entries(section, rules)

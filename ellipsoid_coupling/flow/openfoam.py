@@ -68,6 +68,8 @@ Report = Callable[[str, float], None]
 
 _FEWEST_CELLS = 4
 _LONGEST_NAME = 60
+# Entries of system/parameters that are told apart from a case's content.
+_COUNTS = re.compile(rb"(?m)^(cells|processes)[ \t]+[0-9.]+[ \t]*;")
 # What a solved case is recognised by: written last, holds the hash of the case's inputs.
 MARK = "case.foam"
 # What a failed run that was kept is recognised by: holds the message.
@@ -150,7 +152,7 @@ def content_hash(folder: Path) -> str:
                 content = read_bytes(path, "a file of a case", left)
                 left -= len(content)
                 if path.name == "parameters":
-                    content = re.sub(rb"(?m)^(cells|processes)\s+[^;]+;", b"", content)
+                    content = _COUNTS.sub(b"", content)
                 # With the length, so that no file's content can pass for two files.
                 digest.update(os.fsencode(name) + b"\0%d\0" % len(content) + content)
     return digest.hexdigest()

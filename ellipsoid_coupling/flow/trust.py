@@ -34,8 +34,8 @@ from ellipsoid_coupling.flow.foam_scanner import TRUST, Source
 from ellipsoid_coupling.flow.foam_start import KINDS, start_field
 from ellipsoid_coupling.flow.foam_tables import (
     SCHEMES,
-    SOLUTION,
     control,
+    solution,
     transport,
 )
 from ellipsoid_coupling.flow.own_mesh import read_own_mesh
@@ -118,8 +118,8 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
-        "system/fvSolution": entries(read("system/fvSolution"), SOLUTION),
-        "constant/transportProperties": transport(read("constant/transportProperties")),
+        "system/fvSolution": solution(read("system/fvSolution")),
+        "constant/transportProperties": transport(read(f"constant/{_viscosity_file(case)}")),
     }
     if meshing.blocks:
         dictionaries["system/blockMeshDict"] = meshing.blocks
@@ -194,6 +194,13 @@ def _fixed_side(mesh: Path, cells: int | None, case: Path, mesh_cells: float) ->
     return side
 
 
+def _viscosity_file(case: Path) -> str:
+    """The file with nu; OpenFOAM.org's has another name since version 9."""
+    own, other = "transportProperties", "physicalProperties"
+    folder = case / "constant"
+    return other if packed(folder / own) is None and packed(folder / other) else own
+
+
 def _strips(processes: int) -> list[str]:
     """system/decomposeParDict: the mesh in strips, one a process."""
     strips = [f"n ({processes} 1 1);", "delta 0.001;"]
@@ -211,7 +218,7 @@ def _require_known(case: Path) -> None:
     """InputError for a file that may be meant to change the flow, and that no run here would read."""
     known = {
         start_folder(case): {*KINDS},
-        "constant": {"transportProperties"},
+        "constant": {_viscosity_file(case)},
         "system": {
             "parameters", "blockMeshDict", "controlDict", "fvSchemes", "fvSolution",
             "decomposeParDict",

@@ -247,6 +247,11 @@ def test_the_hash_knows_inputs_but_not_processes(tmp_path: Path) -> None:
     assert openfoam.inputs_hash(case, 17) != first
     parameters.write_text(text.replace("1e-9", "1e-8"), encoding="utf-8")
     assert openfoam.inputs_hash(case, 16) != first
+    # What follows a number of cells in a comment is content.
+    parameters.write_text("/*\ncells 16 */ atRest 1e-8;", encoding="utf-8")
+    second = openfoam.inputs_hash(case, 16)
+    parameters.write_text("/*\ncells 16 */ atRest 1e-7;", encoding="utf-8")
+    assert openfoam.inputs_hash(case, 16) not in (first, second)
 
 
 def test_the_content_knows_every_file_that_is_read(tmp_path: Path) -> None:

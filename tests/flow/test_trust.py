@@ -191,6 +191,18 @@ def test_numbers_of_parameters_are_entries_of_who_includes_them(case: Path) -> N
     assert plain_case(case, None, 1).files["system/blockMeshDict"].count("scale 0.5;") == 1
 
 
+def test_the_viscosity_may_lie_in_physical_properties(case: Path) -> None:
+    own = case / "constant" / "transportProperties"
+    expected = plain_case(case, None, 1)
+    other = own.rename(own.with_name("physicalProperties"))
+    other.write_text(other.read_text("utf-8") + "\nviscosityModel constant;\n", "utf-8")
+    assert plain_case(case, None, 1) == expected
+    edit(other, "constant;", "powerLaw;")
+    refused(case, "constant/physicalProperties, line .* viscosityModel constant, found powerLaw")
+    shutil.copy(other, own)
+    refused(case, "constant/physicalProperties: expected nothing but transportProperties")
+
+
 def test_walls_are_known_by_their_type_as_well(case: Path) -> None:
     """And an empty patch needs no condition."""
     for field in ("U", "p"):
@@ -307,6 +319,7 @@ REFUSED = {
     "cells": ("system/parameters", "cells 16;", "cells 0.5;", "a whole number cells|a number cells"),
     "no cells": ("system/parameters", "cells 16;", "", "no number cells stands before"),
     "at rest": ("system/parameters", "1e-9", "nan", "a number"),
+    "no last solver": ("system/fvSolution", "pFinal", "k", "a dictionary pFinal, found none"),
     "at rest at once": ("system/parameters", "1e-9", "1", "atRest from 1e-300 to 0.999, found 1"),
     "steps": ("system/controlDict", "$timeStep", "1e-9", "at most 1000000 steps to endTime 20, found"),
     "a long sum": ("0.orig/U", "pos().x()-0.5", "+".join(["1"] * 300), "more than 200 signs"),

@@ -28,6 +28,7 @@ from ellipsoid_coupling.limits import MOST_FLOW_STEPS
 
 SOLVERS = ("icoFoam",)
 _LONGEST_TIME = 1e9
+_FEWEST_DIGITS = 6
 _LARGEST_NU = 1e18
 _SCHEMES = words_of(
     frozenset((
@@ -150,7 +151,8 @@ CONTROL: Rules = {
     "writeInterval": dropped,
     "purgeWrite": dropped,
     "writeFormat": choice("ascii", "binary"),
-    "writePrecision": whole(1, 17),
+    # Fewer digits would be another flow: steps show in it.
+    "writePrecision": whole(_FEWEST_DIGITS, 17),
     "writeCompression": choice(
         "on", "off", "yes", "no", "true", "false", "compressed", "uncompressed"
     ),

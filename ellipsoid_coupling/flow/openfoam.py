@@ -263,6 +263,7 @@ def solve_case(
     """
     source = case_folder(case)
     _check_processes(str(case), processes)
+    _check_place(source, out)
     content = content_hash(source)
     plain = None if trust else plain_case(source, cells, processes)
     if plain is not None:
@@ -316,6 +317,16 @@ def _check_processes(case: str, processes: int) -> None:
         raise InputError(
             case, f"1 to {cores} processes, the cores of this machine", f"{processes} processes",
             "Change the number.",
+        )  # fmt: skip
+
+
+def _check_place(source: Path, out: Path | None) -> None:
+    """InputError for a place among the files that the case is made of."""
+    parts = [(source / name).resolve() for name in input_folders(source)]
+    if out is not None and any(out.resolve().is_relative_to(part) for part in parts):
+        raise InputError(
+            str(out), f"a folder that is no part of the case {source}", "one in it",
+            "Name another folder.",
         )  # fmt: skip
 
 
@@ -379,10 +390,19 @@ def _prepare(solving: _Solving, scratch: Path) -> None:
     for part, place in ((start, "0.orig"), (start, "0"), ("constant", ""), ("system", "")):
         shutil.copytree(
             solving.source / part, scratch / (place or part),
-            ignore=shutil.ignore_patterns(LEFT_OUT),
+            ignore=_not_copied,
         )  # fmt: skip
     _set_parameter(scratch, "cells", solving.cells)
     _set_parameter(scratch, "processes", solving.processes)
+
+
+def _not_copied(folder: str, names: list[str]) -> list[str]:
+    """Of names in a folder: the mesh, and what is neither file nor folder, as links to nowhere are."""
+    paths = {name: Path(folder, name) for name in names}
+    return [
+        name for name, path in paths.items()
+        if name == LEFT_OUT or not (is_ordinary(path) or is_folder(path))
+    ]  # fmt: skip
 
 
 def _run_to_rest(case: Path, solving: _Solving, tell: Report) -> None:

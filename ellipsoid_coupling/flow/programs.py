@@ -84,7 +84,8 @@ def run_program(
         log.open(encoding="utf-8", errors="replace") as grown,
     ):
         process = subprocess.Popen(
-            [*_beside(case if walled else None), *command], cwd=case, env=foam_environment(),
+            [*_beside(case if walled else None), *command], cwd=case,
+            env={**foam_environment(), "PWD": str(case.resolve())},
             stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True,
         )  # fmt: skip
         try:

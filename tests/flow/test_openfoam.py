@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -233,6 +234,25 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
         solve_case("cavity", 16, out=tmp_path)
     with pytest.raises(InputError, match="at least 4 cells"):
         solve_case("cavity", 2)
+
+
+def test_no_solution_goes_among_the_files_of_its_case(tmp_path: Path) -> None:
+    case = _copy(tmp_path)
+    with pytest.raises(InputError, match="a folder that is no part of the case"):
+        solve_case(case, out=case / "system" / "out")
+    assert not (case / "system" / "out").exists()
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_trusted_case_is_copied_without_pipes_and_links_to_nowhere(tmp_path: Path) -> None:
+    case = _copy(tmp_path)
+    os.mkfifo(case / "constant" / "pipe")
+    (case / "system" / "nowhere").symlink_to(tmp_path / "nowhere")
+    solved = solve_case(case, 8, trust=True)
+    assert (solved / "system" / "blockMeshDict").is_file()
+    assert not (solved / "constant" / "pipe").exists()
 
 
 @pytest.mark.openfoam

@@ -320,6 +320,8 @@ REFUSED = {
     "no cells": ("system/parameters", "cells 16;", "", "no number cells stands before"),
     "at rest": ("system/parameters", "1e-9", "nan", "a number"),
     "no last solver": ("system/fvSolution", "pFinal", "k", "a dictionary pFinal, found none"),
+    "few digits": ("system/controlDict", "writePrecision  12", "writePrecision 2",
+                   "a number writePrecision from 6 to 17, found 2"),
     "at rest at once": ("system/parameters", "1e-9", "1", "atRest from 1e-300 to 0.999, found 1"),
     "steps": ("system/controlDict", "$timeStep", "1e-9", "at most 1000000 steps to endTime 20, found"),
     "a long sum": ("0.orig/U", "pos().x()-0.5", "+".join(["1"] * 300), "more than 200 signs"),

@@ -20,6 +20,13 @@ INSTALL = "apt-get install -y --no-install-recommends openfoam"
 LAST_LINES = 12
 POLL_SECONDS = 0.05
 _TAIL_BYTES = 20_000
+# 128 + SIGFPE, which OpenFOAM asks for.
+_WHY = {
+    136: ", a number that is not finite: the run has diverged; a smaller deltaT in system/controlDict, "
+    "or other schemes, may help"
+}
+# "#3  Foam::PCG::solve(...) at ??:?" or "[host:405] [ 3] icoFoam(...)", where a program has crashed.
+_FRAME = re.compile(r"\s*(?:#\d+ |\[[^\]]+\] \[ ?\d+\]).*")
 
 Follow = Callable[[str], None]
 
@@ -100,7 +107,8 @@ def run_program(
             process.terminate()
             process.wait()
     if process.returncode != 0:
-        raise failed(f"{name} ended with status {process.returncode}", log)
+        why = _WHY.get(process.returncode, "")
+        raise failed(f"{name} ended with status {process.returncode}{why}", log)
     return log
 
 
@@ -138,6 +146,6 @@ def failed(what: str, log: Path) -> RunError:
     with log.open("rb") as file:
         file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
         tail = file.read(_TAIL_BYTES).decode(errors="replace")
-    lines = [line for line in tail.splitlines() if line.strip()]
+    lines = [line for line in tail.splitlines() if line.strip() and not _FRAME.fullmatch(line)]
     end = "\n    ".join(lines[-LAST_LINES:])
     return RunError(f"{what}. The end of {log}:\n    {end}")

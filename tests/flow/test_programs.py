@@ -85,6 +85,13 @@ def test_a_program_that_says_too_much_is_ended(
     assert not says(tmp_path / "log.yes", "yes")
 
 
+def test_a_run_that_has_diverged_is_told_without_its_stack(tmp_path: Path) -> None:
+    program = 'echo Time = 3; for k in 1 2 3; do echo "#$k  Foam::sigFpe at ??:?"; done; kill -8 $$'
+    with pytest.raises(RunError, match=r"status 136, .* diverged; a smaller deltaT") as caught:
+        run_program(tmp_path, ["sh", "-c", program])
+    assert str(caught.value).splitlines()[1:] == ["    Time = 3"]
+
+
 @pytest.mark.parametrize(("program", "status"), [("kill -9 $$", 137), ("exec /no/such", 127)])
 def test_every_other_end_is_told(tmp_path: Path, program: str, status: int) -> None:
     with pytest.raises(RunError, match=f"ended with status {status}"):

@@ -33,8 +33,10 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow.cases import BUILT_IN
+from ellipsoid_coupling.flow.foam_case import read_points
 from ellipsoid_coupling.flow.foam_files import packed
 from ellipsoid_coupling.flow.own_mesh import write_own_mesh
+from ellipsoid_coupling.flow.plane import thin_axis
 from ellipsoid_coupling.flow.programs import (
     Follow,
     failed,
@@ -421,6 +423,9 @@ def _run_to_rest(case: Path, solving: _Solving, tell: Report) -> None:
     tell("mesh", share)
     has_mesh = solving.plain is not None and solving.plain.mesh is not None
     why = why_open(run("icoFoam", "-help") if has_mesh else run("blockMesh"))
+    if solving.plain is not None:
+        # Before hours go by: no flow can be read from another mesh.
+        thin_axis(read_points(case / "constant" / LEFT_OUT), str(solving.source))
     if coarser is not None:
         run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")
         shutil.rmtree(beside)

@@ -245,6 +245,19 @@ def test_no_solution_goes_among_the_files_of_its_case(tmp_path: Path) -> None:
 
 @pytest.mark.openfoam
 @needs_openfoam
+def test_a_mesh_of_two_layers_is_refused_before_it_is_solved(
+    own_cache: Path, tmp_path: Path
+) -> None:
+    case = _copy(tmp_path, "system/blockMeshDict", "($cells $cells 1)", "($cells $cells 2)")
+    told: list[str] = []
+    with pytest.raises(InputError, match=r"own: expected a plane case, .* 2 cells thick along z"):
+        solve_case(case, report=lambda stage, _: told.append(stage))
+    assert told == ["flow own, 16 cells: mesh"]
+    assert not list((own_cache / "flows").iterdir())
+
+
+@pytest.mark.openfoam
+@needs_openfoam
 @pytest.mark.usefixtures("own_cache")
 def test_a_trusted_case_is_copied_without_pipes_and_links_to_nowhere(tmp_path: Path) -> None:
     case = _copy(tmp_path)

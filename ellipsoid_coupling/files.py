@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,7 +39,8 @@ def whole_file(path: Path, *, new_folder: bool = True) -> Iterator[Path]:
     WriteError
         If it cannot be written: a full disk, no permission, a folder that has gone.
     """
-    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    # Nobody else's, whatever the process ids, and no name at which a link could have been laid.
+    beside = path.with_name(f".{path.stem}.{secrets.randbelow(10**18)}{path.suffix}")
     try:
         if new_folder:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -27,6 +27,12 @@ MOST_MESH_ENTRIES = 5_000_000
 MOST_PATCHES = 1_000
 # Files of a case that a run starts from, those that no solver reads included.
 MOST_CASE_FILES = 2_000
+# Entries and values of a dictionary that a run starts from, lists of numbers apart; as many as 1 MB has.
+MOST_PARTS = 250_000
+# Time steps of a flow: a plane one comes to rest in thousands.
+MOST_FLOW_STEPS = 1_000_000
+# What a program of OpenFOAM may say: icoFoam writes 400 bytes a time step.
+MOST_LOG_BYTES = 1_000_000_000
 # A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.
 MOST_START_BYTES = 30_000_000
 # A saved flow: the spline on 400 x 400 cells takes 1.5 MB; this is one on 5000 x 5000.

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.errors import refusal
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files import halves, whole_file
 
 
 def test_file_appears_only_when_finished(tmp_path: Path) -> None:
@@ -18,6 +18,18 @@ def test_file_appears_only_when_finished(tmp_path: Path) -> None:
         assert not path.exists()
     assert path.read_text() == "half"
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_two_writers_with_one_process_id_do_not_meet(tmp_path: Path) -> None:
+    """In two containers ids are equal, and a name that is known beforehand could be a link elsewhere."""
+    path = tmp_path / "a.txt"
+    with whole_file(path) as one, whole_file(path) as other:
+        assert one != other
+        one.write_text("one")
+        other.write_text("other")
+        assert sorted(halves(tmp_path, ["a.txt"])) == sorted((one, other))
+    assert path.read_text() == "one"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:

@@ -36,6 +36,8 @@ _TOKEN = re.compile(
     re.ASCII,
 )
 _LONGEST = 1_000
+# A tree is worked out by recursion: each sign may be one level of it.
+_MOST_SIGNS = 200
 
 
 class ExpressionError(ValueError):
@@ -74,6 +76,8 @@ def parse(text: str, variables: Variables = no_variables) -> Tree:
             raise ExpressionError(f"{text[at:].strip()[:20]!r} in an expression")
         tokens.append((found.lastgroup, found[found.lastgroup]))
         at = found.end()
+    if sum(text in _SIGNS for _, text in tokens) > _MOST_SIGNS:
+        raise ExpressionError(f"an expression of more than {_MOST_SIGNS} signs")
     return _Reading([*tokens, ("end", "its end")], variables).whole()
 
 
@@ -135,6 +139,8 @@ class _Reading:
         kind, text = self._tokens[self._at]
         self._at += 1
         if kind == "number":
+            if not math.isfinite(float(text)):
+                raise ExpressionError(f"the number {text[:20]}, which is out of range")
             return Tree("number", number=float(text))
         if kind == "place":
             return Tree(text)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import TypeVar
 
-from ellipsoid_coupling.flow.foam_dictionary import Group, Item, Number, Section, Word
+from ellipsoid_coupling.flow.foam_dictionary import Group, Item, Number, Section, Word, word_of
 from ellipsoid_coupling.flow.foam_rules import (
     HEADER,
     Rules,
@@ -215,6 +215,12 @@ def _patches(section: Section, points: int) -> Iterator[str]:
                 patch.at, "a patch: NAME { type ...; faces (...); }", "another value"
             )
         yield from braces(name_of(patch, patch.name, patch.at), entries(patch, rules))
+
+
+def patch_types(section: Section) -> dict[str, str]:
+    """The types of the patches by their names."""
+    patches = _list_of(section, "boundary").items
+    return {patch.name: word_of(patch, "type") for patch in patches if isinstance(patch, Section)}
 
 
 def _pairs(section: Section) -> Iterator[str]:

@@ -118,11 +118,7 @@ def _field_room(mesh: Mesh) -> int:
 
 def read_mesh(places: Places) -> Mesh:
     """The mesh at `places`, every number checked; InputError, with file and place, for a broken one."""
-    file = open_file(places.points / "points", "vectorField")
-    points, _ = read_numbers(file, file.start, 3, None, "points")
-    require_finite(file, points, "points")
-    if file.binary and file.scalar.itemsize == 4:
-        points = decimal(points)
+    points = read_points(places.points)
     folder = places.faces
     file = open_file(folder / "faces", "faceList", "faceCompactList")
     corners, begins = read_faces(file)
@@ -137,6 +133,14 @@ def read_mesh(places: Places) -> Mesh:
     mesh = Mesh(points, corners, begins, owner, neighbour, patches)
     _require_closed(file, mesh)
     return mesh
+
+
+def read_points(folder: Path) -> Array:
+    """The points of a mesh in its folder polyMesh, (P, 3), all of them finite."""
+    file = open_file(folder / "points", "vectorField")
+    points, _ = read_numbers(file, file.start, 3, None, "points")
+    require_finite(file, points, "points")
+    return decimal(points) if file.binary and file.scalar.itemsize == 4 else points
 
 
 def _require_faces(file: FoamFile, corners: Index, begins: Index, points: int) -> None:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import foam_arithmetic
 from ellipsoid_coupling.flow.foam_scanner import Scanner, Source
-from ellipsoid_coupling.limits import MOST_NESTING
+from ellipsoid_coupling.limits import MOST_NESTING, MOST_PARTS
 
 _VARIABLE = re.compile(r"\$[A-Za-z]\w*", re.ASCII)
 _EVAL = re.compile(r'#eval[ \t]+(?=")')
@@ -38,8 +38,10 @@ _EXPONENT = re.compile(r"[+-]?[0-9]{1,2}(?:\.[0-9]{0,3})?")
 _UNIT = re.compile(r"(?:kg|m|s|K|mol|A|cd)(?:\^[+-]?[0-9]{1,2})?")
 _UNITS = ("kg", "m", "s", "K", "mol", "A", "cd")
 _LONGEST_UNITS = 100
-# A solver's entries are a dozen; copies of long dictionaries would multiply a file.
-_MOST_COPIED = 50
+# A solver's entries are a dozen, with one value each; copies of more would multiply a file.
+_MOST_COPIED = 100
+# Of a string, so many characters count as one part.
+_TEXT_PART = 10
 _WIDTH = {"List<scalar>": 1, "List<vector>": 3}
 _IN_A_LIST = frozenset("0123456789+-.eE() \t\r\n")
 
@@ -147,7 +149,7 @@ class _Parser:
         self._scan, self._parameters, self._given = scan, parameters, given
         self._longest = longest
         self._open: list[Section] = []
-        self._depth = 0
+        self._depth = self._parts = 0
 
     def whole(self) -> Section:
         root = Section(self._scan.source, "", 0)
@@ -158,6 +160,7 @@ class _Parser:
 
     def _entry(self, section: Section) -> None:
         """One entry of a dictionary: a name and its value, an inclusion, or a dictionary's copy."""
+        self._count(1)
         first, start = self._scan.peek(), self._scan.at
         if first == "#":
             self._inclusion(section)
@@ -190,6 +193,12 @@ class _Parser:
         if self._depth > MOST_NESTING:
             self._scan.refuse(self._scan.at, f"parts nested more than {MOST_NESTING} deep")
 
+    def _count(self, parts: int) -> None:
+        """Refuse a dictionary of more parts than any has: each takes memory, and is looked at."""
+        self._parts += parts
+        if self._parts > MOST_PARTS:
+            self._scan.refuse(self._scan.at, f"more than {MOST_PARTS} entries and values")
+
     def _values(self) -> tuple[Item, ...]:
         items: list[Item] = []
         while not self._scan.taken(";"):
@@ -201,16 +210,22 @@ class _Parser:
         found = _INCLUSION.match(self._scan.text, self._scan.at)
         if found is None or self._parameters is None or section is not self._open[0]:
             self._scan.odd()
-        self._scan.at = found.end()
-        section.included.update(self._parameters())
+        at, self._scan.at = self._scan.at, found.end()
+        for name, number in self._parameters().items():
+            # For OpenFOAM the inclusion would count, and not what stands before.
+            if name in section.entries:
+                self._scan.refuse(at, f"a second entry {name}")
+            section.included[name] = Number(number.value, at)
 
     def _copy(self, section: Section) -> None:
         """``$name;``: the entries of a dictionary that stands beside this one."""
         start, name = self._scan.at, self._scan.token(_VARIABLE)[1:]
         self._scan.need(";")
         beside = self._open[-2].entries.get(name) if len(self._open) > 1 else None
-        if not isinstance(beside, Section) or len(beside.entries) > _MOST_COPIED:
+        size = _size(beside) if isinstance(beside, Section) else _MOST_COPIED + 1
+        if not isinstance(beside, Section) or size > _MOST_COPIED:
             self._scan.refuse(start, f"${name}, where no small dictionary {name} stands before")
+        self._count(size)
         for key, value in beside.entries.items():
             if key in section.entries:
                 self._scan.refuse(start, f"a second entry {key}")
@@ -219,12 +234,15 @@ class _Parser:
     def _item(self, *, in_list: bool) -> Item:
         """A value; in lists, dictionaries with a name are values as well."""
         first, at = self._scan.peek(), self._scan.at
+        self._count(1)
         if first == "(":
             return self._group()
         if first == "[":
             return self._units()
         if first == '"':
-            return Text(self._scan.string(), at)
+            text = Text(self._scan.string(), at)
+            self._count(_size((text,)))
+            return text
         if first == "$":
             return self._variable()
         if first == "#":
@@ -349,6 +367,23 @@ class _Parser:
             self._scan.refuse(start, f"a list of other than {count} entries of {width} numbers")
         self._scan.at = behind
         return values
+
+
+def _size(value: Value) -> int:
+    """How many parts a value has, with theirs; a list of numbers has as many as those."""
+    if isinstance(value, Section):
+        return sum(1 + _size(inner) for inner in value.entries.values())
+    size = len(value)
+    for item in value:
+        if isinstance(item, Section):
+            size += _size(item)
+        elif isinstance(item, Group):
+            size += _size(item.items)
+        elif isinstance(item, Column):
+            size += item.values.size
+        elif isinstance(item, Text):
+            size += len(item.text) // _TEXT_PART
+    return size
 
 
 def word_of(section: Section, key: str) -> str:

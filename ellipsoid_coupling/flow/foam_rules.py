@@ -36,9 +36,13 @@ _SHOWN = 20
 
 
 def entries(section: Section, rules: Rules) -> list[str]:
-    """All entries of a section as lines of text; InputError for an unknown one."""
+    """All entries of a section as lines of text; InputError for an unknown one.
+
+    Of the numbers of system/parameters, where the file includes that, those that are entries here.
+    """
     lines: list[str] = []
-    for key, value in section.entries.items():
+    included = {key: (n,) for key, n in section.included.items() if callable(rules.get(key))}
+    for key, value in (included | section.entries).items():
         rule = rules.get(key)
         if rule is None:
             raise section.error(section.places[key], one_of(rules, "an entry"), f"the entry {key}")

@@ -108,8 +108,11 @@ KINDS = {
 }  # fmt: skip
 
 
-def start_field(section: Section, name: str) -> list[str]:
-    """A field of time 0 as lines; InputError for a condition that is not known, with its patch."""
+def start_field(section: Section, name: str, patches: Mapping[str, str]) -> list[str]:
+    """A field of time 0 as lines; InputError for a condition that is not known, with its patch.
+
+    patches : the mesh's, by their names, with their types: each needs a condition
+    """
     kind = KINDS[name]
 
     def dimensions(part: Section, key: str) -> str:
@@ -125,6 +128,12 @@ def start_field(section: Section, name: str) -> list[str]:
     for needed in ("dimensions", "internalField"):
         items_of(section, needed)
     boundary = subsection(section, "boundaryField")
+    for patch, patch_type in patches.items():
+        # OpenFOAM knows walls, and patches that can be but one thing, by their type as well.
+        groups = {patch} | ({patch_type} - {"patch"})
+        if patch_type != "empty" and not groups & boundary.entries.keys():
+            found = f"none for the patch {patch}"
+            raise section.error(boundary.at, "a condition for each patch of the mesh", found)
     rest = {key: value for key, value in section.entries.items() if value is not boundary}
     lines = entries(replace(section, entries=rest), rules)
     return lines + braces("boundaryField", _conditions(boundary, kind))

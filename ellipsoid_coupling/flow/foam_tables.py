@@ -7,6 +7,7 @@ from dataclasses import replace
 from ellipsoid_coupling.flow.foam_dictionary import Number, Section, Units, Word
 from ellipsoid_coupling.flow.foam_rules import (
     HEADER,
+    Rule,
     Rules,
     braces,
     choice,
@@ -17,14 +18,17 @@ from ellipsoid_coupling.flow.foam_rules import (
     real,
     real_of,
     require_units,
+    subsection,
     switch,
     whole,
     words,
     words_of,
 )
+from ellipsoid_coupling.limits import MOST_FLOW_STEPS
 
 SOLVERS = ("icoFoam",)
 _LONGEST_TIME = 1e9
+_FEWEST_DIGITS = 6
 _LARGEST_NU = 1e18
 _SCHEMES = words_of(
     frozenset((
@@ -147,7 +151,8 @@ CONTROL: Rules = {
     "writeInterval": dropped,
     "purgeWrite": dropped,
     "writeFormat": choice("ascii", "binary"),
-    "writePrecision": whole(1, 17),
+    # Fewer digits would be another flow: steps show in it.
+    "writePrecision": whole(_FEWEST_DIGITS, 17),
     "writeCompression": choice(
         "on", "off", "yes", "no", "true", "false", "compressed", "uncompressed"
     ),
@@ -172,6 +177,12 @@ def control(section: Section, at_rest: float) -> tuple[list[str], float]:
     rest = {key: value for key, value in section.entries.items() if value is not own or has_own}
     lines = entries(replace(section, entries=rest), CONTROL)
     end = real_of(section, "endTime", 1e-30, _LONGEST_TIME)
+    step = real_of(section, "deltaT", 1e-30, _LONGEST_TIME)
+    if end > step * MOST_FLOW_STEPS:
+        raise section.error(
+            items_of(section, "deltaT")[0].at, f"at most {MOST_FLOW_STEPS} steps to endTime {end:g}",
+            f"deltaT {step:g}, which makes {end / step:.3g}",
+        )  # fmt: skip
     lines += ["runTimeModifiable no;", "writeControl runTime;", f"writeInterval {figure(end)};"]
     lines += [] if has_own else braces("functions", braces("rest", _end_at(at_rest)))
     return lines, end
@@ -185,6 +196,23 @@ def _end_at(at_rest: float) -> list[str]:
         "type runTimeControl;", "libs (utilityFunctionObjects);", "satisfiedAction end;",
         *braces("conditions", braces("velocity", condition)),
     ]  # fmt: skip
+
+
+def solution(section: Section) -> list[str]:
+    """system/fvSolution as lines; InputError where it has no solver for what icoFoam solves."""
+    solvers = subsection(section, "solvers")
+    for needed in ("p", "pFinal", "U"):
+        subsection(solvers, needed)
+    return entries(section, SOLUTION)
+
+
+def _dropped_if(word: str) -> Rule:
+    """One word alone, which goes without saying."""
+
+    def rule(section: Section, key: str) -> None:
+        choice(word)(section, key)
+
+    return rule
 
 
 def transport(section: Section) -> list[str]:
@@ -204,6 +232,7 @@ def transport(section: Section) -> list[str]:
 
     rules: Rules = {
         "FoamFile": HEADER, "transportModel": choice("Newtonian"), "nu": nu, "rho": dropped,
+        "viscosityModel": _dropped_if("constant"),
     }  # fmt: skip
-    lines = entries(section, rules)
-    return lines if "nu" in section.entries else [*lines, f"nu {nu(section, 'nu')};"]
+    items_of(section, "nu")
+    return entries(section, rules)

@@ -19,6 +19,7 @@ from scipy.sparse.linalg import spsolve
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.plane import SINGLE
 from ellipsoid_coupling.flow.plates import plates, without_plates
 from ellipsoid_coupling.flow.polygons import Edges
 from ellipsoid_coupling.flow.spline import WallVelocity
@@ -27,8 +28,6 @@ from ellipsoid_coupling.flow.stream_function import Patch, given_on_edges, strea
 Array = NDArray[np.float64]
 Contains = Callable[[Array], NDArray[np.bool_]]
 
-# Files may hold single precision: what differs by less than this part of the whole is the same.
-SINGLE = 1e-5
 # Nodes per mesh width where the mesh is not a uniform one, and their largest number per direction.
 FINER = 2.0
 MOST_CELLS = 400

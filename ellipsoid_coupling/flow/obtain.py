@@ -25,8 +25,8 @@ SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
     "field.py", "foam_case.py", "foam_entries.py", "foam_fields.py", "foam_files.py",
-    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "plates.py", "polygons.py",
-    "reader.py", "spline.py", "stream_function.py",
+    "foam_patterns.py", "foam_times.py", "foam_tokens.py", "mesh_flow.py", "plane.py", "plates.py",
+    "polygons.py", "reader.py", "spline.py", "stream_function.py",
 )  # fmt: skip
 
 

@@ -12,7 +12,9 @@ Seconds to rest, all programs included, on two cores (the best of four; icoFoam 
     directly                        1.4     3.2      3.8      3.3     37.0
     from half the cells, mapped     1.6     2.6      3.3      3.5     28.9
 
-So a coarser solution is mapped from `MAPPED_FROM` cells on; the coarser run uses one process.
+So a coarser solution is mapped from `MAPPED_FROM` cells on; the coarser run uses one process. It is
+solved beside the finer one and not taken from the cache: what lies there may be somebody else's, and
+mapFields would read its dictionaries.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import hashlib
 import math
 import os
 import re
+import secrets
 import shutil
 import stat
 import tempfile
@@ -30,8 +33,10 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow.cases import BUILT_IN
+from ellipsoid_coupling.flow.foam_case import read_points
 from ellipsoid_coupling.flow.foam_files import packed
 from ellipsoid_coupling.flow.own_mesh import write_own_mesh
+from ellipsoid_coupling.flow.plane import thin_axis
 from ellipsoid_coupling.flow.programs import (
     Follow,
     failed,
@@ -39,6 +44,7 @@ from ellipsoid_coupling.flow.programs import (
     openfoam_version,
     require_openfoam,
     run_program,
+    says,
     why_open,
 )
 from ellipsoid_coupling.flow.scratch import cleaned_up, move_to, scratch_folder
@@ -49,7 +55,7 @@ from ellipsoid_coupling.flow.trust import (
     plain_case,
     start_folder,
 )
-from ellipsoid_coupling.inputs import is_folder, is_ordinary, read_bytes, read_text
+from ellipsoid_coupling.inputs import exists, is_folder, is_ordinary, read_bytes, read_text
 from ellipsoid_coupling.kernels import cache_home
 from ellipsoid_coupling.limits import (
     BYTES_PER_FLUID_CELL,
@@ -64,8 +70,12 @@ Report = Callable[[str, float], None]
 
 _FEWEST_CELLS = 4
 _LONGEST_NAME = 60
+# Entries of system/parameters that are told apart from a case's content.
+_COUNTS = re.compile(rb"(?m)^(cells|processes)[ \t]+[0-9.]+[ \t]*;")
 # What a solved case is recognised by: written last, holds the hash of the case's inputs.
 MARK = "case.foam"
+# What a failed run that was kept is recognised by: holds the message.
+FAILED = "failed.txt"
 # Below this many cells a coarser run saves less than meshing it and mapping it costs.
 MAPPED_FROM = 80
 COARSE_SHARE = 0.25
@@ -124,33 +134,54 @@ def _set_parameter(folder: Path, name: str, value: int) -> None:
     path.write_text(re.sub(rf"(?m)^{name}\s+[^;]+;", f"{name} {value};", text), encoding="utf-8")
 
 
-def inputs_hash(folder: Path, cells: int) -> str:
-    """A hash of everything that the solution depends on; the number of processes is not in it."""
-    digest = hashlib.sha256(f"{cells} {openfoam_version()}".encode())
+def inputs_hash(folder: Path, cells: int, content: str = "") -> str:
+    """A hash of everything that the solution depends on; the number of processes is not in it.
+
+    content : of the case's files, where it is known
+    """
+    content = content or content_hash(folder)
+    return hashlib.sha256(f"{cells} {openfoam_version()} {content}".encode()).hexdigest()[:16]
+
+
+def content_hash(folder: Path) -> str:
+    """A hash of a case's files, but for the numbers of cells and processes."""
+    digest = hashlib.sha256()
     left, makes_mesh = MOST_CASE_FILE_BYTES, packed(folder / "system" / "blockMeshDict") is not None
     for part in input_folders(folder):
-        for count, path in enumerate(sorted((folder / part).rglob("*"))):
-            if count > MOST_CASE_FILES:
-                raise InputError(
-                    str(folder / part), f"at most {MOST_CASE_FILES} files", "more",
-                    "Name the case alone, without other data in its folders.",
-                )  # fmt: skip
-            if path.is_file() and not (makes_mesh and LEFT_OUT in path.parts):
+        for path in _files_below(folder / part):
+            name = path.relative_to(folder)
+            if path.is_file() and not (makes_mesh and LEFT_OUT in name.parts):
                 content = read_bytes(path, "a file of a case", left)
                 left -= len(content)
                 if path.name == "parameters":
-                    content = re.sub(rb"(?m)^(cells|processes)\s+[^;]+;", b"", content)
-                digest.update(os.fsencode(path.relative_to(folder)) + b"\0" + content)
-    return digest.hexdigest()[:16]
+                    content = _COUNTS.sub(b"", content)
+                # With the length, so that no file's content can pass for two files.
+                digest.update(os.fsencode(name) + b"\0%d\0" % len(content) + content)
+    return digest.hexdigest()
 
 
-def solved_folder(case: str | Path, cells: int) -> Path:
+def _files_below(folder: Path) -> list[Path]:
+    """What lies in a folder and below, links to other folders followed; InputError for too much."""
+    found: list[Path] = []
+    for place, folders, files in os.walk(folder, followlinks=True):
+        found += [Path(place, name) for name in (*folders, *files)]
+        if len(found) > MOST_CASE_FILES:
+            raise InputError(
+                str(folder), f"at most {MOST_CASE_FILES} files", "more",
+                "Name the case alone, without other data in its folders.",
+            )  # fmt: skip
+    return sorted(found)
+
+
+def solved_folder(case: str | Path, cells: int, content: str = "") -> Path:
     """Where the cache keeps, or would keep, the solution; RunError without OpenFOAM.
 
     A cache that cannot be written serves what it has; the rest lies among this user's temporary files.
+
+    content : a hash of the case's files, where it is known
     """
     source = case_folder(case)
-    name = f"{_plain_name(source.name)}-{cells}-{inputs_hash(source, cells)}"
+    name = f"{_plain_name(source.name)}-{cells}-{inputs_hash(source, cells, content)}"
     kept = cache_home() / "flows" / name
     return kept if is_solved(kept) or _is_writable(kept.parent) else _private_folder() / name
 
@@ -234,6 +265,8 @@ def solve_case(
     """
     source = case_folder(case)
     _check_processes(str(case), processes)
+    _check_place(source, out)
+    content = content_hash(source)
     plain = None if trust else plain_case(source, cells, processes)
     if plain is not None:
         number = plain.cells
@@ -242,9 +275,9 @@ def solve_case(
         _number(source, "atRest", 1.0)
     _check_size(str(case), number, float(number) ** 2 if plain is None else plain.mesh_cells)
     require_openfoam()
-    target = solved_folder(source, number) if out is None else out
+    target = solved_folder(source, number, content) if out is None else out
     if target.exists():
-        if is_solved(target, inputs_hash(source, number)):
+        if is_solved(target, inputs_hash(source, number, content)):
             return target
         raise InputError(
             str(target), "no such folder yet, or this very case solved", "something else",
@@ -254,30 +287,30 @@ def solve_case(
     stage = f"flow {source.name}, {number} cells"
     if out is None and target.parent != cache_home() / "flows":
         tell(f"{stage}: {cache_home()} cannot be written, so into {target.parent}", 0.0)
-    coarse, share = None, 0.0
-    if number >= MAPPED_FROM and (plain is None or plain.scales):
-        share = COARSE_SHARE
-        coarse = solve_case(
-            source, number // 2, report=lambda s, f: tell(s, share * f), trust=trust
-        )
-    solving = _Solving(source, number, processes, coarse, plain)
+    solving = _Solving(source, content, number, processes, plain)
     with cleaned_up():
-        _solve_into(
-            target, solving, lambda what, done: tell(f"{stage}: {what}", share + (1 - share) * done)
-        )
+        _solve_into(target, solving, lambda what, done: tell(f"{stage}: {what}", done))
     tell(f"{stage}: at rest", 1.0)
     return target
 
 
 @dataclass(frozen=True)
 class _Solving:
-    """What is to be solved: the case, its numbers, a coarser solution, and what was understood of it."""
+    """What is to be solved: the case, its content, its numbers, and what was understood of it."""
 
     source: Path
+    content: str
     cells: int
     processes: int
-    coarse: Path | None
     plain: PlainCase | None
+
+    def coarser(self) -> _Solving | None:
+        """The run on half the cells a side whose solution is the start, where that pays."""
+        if self.cells < MAPPED_FROM or (self.plain is not None and not self.plain.scales):
+            return None
+        cells = self.cells // 2
+        plain = None if self.plain is None else plain_case(self.source, cells, 1)
+        return _Solving(self.source, self.content, cells, 1, plain)
 
 
 def _check_processes(case: str, processes: int) -> None:
@@ -286,6 +319,16 @@ def _check_processes(case: str, processes: int) -> None:
         raise InputError(
             case, f"1 to {cores} processes, the cores of this machine", f"{processes} processes",
             "Change the number.",
+        )  # fmt: skip
+
+
+def _check_place(source: Path, out: Path | None) -> None:
+    """InputError for a place among the files that the case is made of."""
+    parts = [(source / name).resolve() for name in input_folders(source)]
+    if out is not None and any(out.resolve().is_relative_to(part) for part in parts):
+        raise InputError(
+            str(out), f"a folder that is no part of the case {source}", "one in it",
+            "Name another folder.",
         )  # fmt: skip
 
 
@@ -308,20 +351,32 @@ def _silent(stage: str, fraction: float) -> None:
 def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
     """Solve in a folder of its own and move it to the target, so that no half of one is found."""
     with scratch_folder(target) as scratch:
-        _prepare(solving, scratch)
         try:
-            _run_programs(scratch, solving, tell)
+            _run_to_rest(scratch, solving, tell)
+            tell("stream function", 0.95)
+            _stream_function(scratch, solving)
         except RunError as error:
-            kept = target.with_name(f"{target.name}-failed")
-            shutil.rmtree(kept, ignore_errors=True)
+            kept = _failed_place(target)
+            (scratch / FAILED).write_text(f"{error}\n", encoding="utf-8")
             move_to(scratch, kept)
             raise RunError(str(error).replace(str(scratch), str(kept))) from error
-        key = inputs_hash(solving.source, solving.cells)
+        if content_hash(solving.source) != solving.content:
+            raise RunError(f"{solving.source} has changed while it was solved. Solve it again.")
+        key = inputs_hash(solving.source, solving.cells, solving.content)
         (scratch / MARK).write_text(key + "\n", encoding="utf-8")
         # Where somebody else was faster, theirs is as good.
         move_to(scratch, target)
     if not is_solved(target):
         raise RunError(f"The solved case could not be moved to {target}; is the disk full?")
+
+
+def _failed_place(target: Path) -> Path:
+    """A name beside the target for a failed run; one that was kept there before is removed."""
+    kept = target.with_name(f"{target.name}-failed")
+    if is_ordinary(kept / FAILED) and not kept.is_symlink():
+        shutil.rmtree(kept, ignore_errors=True)
+    # Whatever else is called so is not ours.
+    return kept.with_name(f"{kept.name}-{secrets.token_hex(4)}") if exists(kept) else kept
 
 
 def _prepare(solving: _Solving, scratch: Path) -> None:
@@ -337,24 +392,41 @@ def _prepare(solving: _Solving, scratch: Path) -> None:
     for part, place in ((start, "0.orig"), (start, "0"), ("constant", ""), ("system", "")):
         shutil.copytree(
             solving.source / part, scratch / (place or part),
-            ignore=shutil.ignore_patterns(LEFT_OUT),
+            ignore=_not_copied,
         )  # fmt: skip
     _set_parameter(scratch, "cells", solving.cells)
     _set_parameter(scratch, "processes", solving.processes)
 
 
-def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
-    """Mesh, map, run to rest and compute the stream function, in an own copy of the case."""
+def _not_copied(folder: str, names: list[str]) -> list[str]:
+    """Of names in a folder: the mesh, and what is neither file nor folder, as links to nowhere are."""
+    paths = {name: Path(folder, name) for name in names}
+    return [
+        name for name, path in paths.items()
+        if name == LEFT_OUT or not (is_ordinary(path) or is_folder(path))
+    ]  # fmt: skip
+
+
+def _run_to_rest(case: Path, solving: _Solving, tell: Report) -> None:
+    """Write the case into an empty folder, mesh, map a coarser solution and run to rest."""
     processes, walled = solving.processes, solving.plain is not None
+    coarser, beside, share = solving.coarser(), case / "coarse", 0.0
+    if coarser is not None:
+        share, what = COARSE_SHARE, f"first on {coarser.cells} cells"
+        beside.mkdir()
+        _run_to_rest(beside, coarser, lambda step, done: tell(f"{what}, {step}", share * done))
+    _prepare(solving, case)
 
     def run(*command: str, follow: Follow | None = None, walled: bool = walled) -> Path:
         return run_program(case, command, follow, walled=walled)
 
-    tell("mesh", 0.0)
+    tell("mesh", share)
     has_mesh = solving.plain is not None and solving.plain.mesh is not None
     why = why_open(run("icoFoam", "-help") if has_mesh else run("blockMesh"))
-    if solving.coarse is not None:
-        beside = shutil.copytree(solving.coarse, case / "coarse")
+    if solving.plain is not None:
+        # Before hours go by: no flow can be read from another mesh.
+        thin_axis(read_points(case / "constant" / LEFT_OUT), str(solving.source))
+    if coarser is not None:
         run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")
         shutil.rmtree(beside)
     command = ["icoFoam"]
@@ -365,8 +437,11 @@ def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
             walled, why = False, "mpirun does not start in one"
     at_rest = _number(case, "atRest", 1.0) if solving.plain is None else solving.plain.at_rest
     note = f"icoFoam (no wall around it: {why})" if why else "icoFoam"
-    log = run(*command, follow=_follow_residual(at_rest, note, tell), walled=walled)
-    if AT_REST not in log.read_text(encoding="utf-8", errors="replace"):
+    follow = _follow_residual(
+        at_rest, lambda done: tell(note, share + (1.0 - share) * (0.05 + 0.85 * done))
+    )
+    log = run(*command, follow=follow, walled=walled)
+    if not says(log, AT_REST):
         end = parameter(case, "endTime") if solving.plain is None else f"{solving.plain.end_time:g}"
         why = "a longer run is needed, or smaller tolerances of the solvers"
         raise failed(f"icoFoam was not at rest at endTime {end}: {why}", log)
@@ -374,20 +449,24 @@ def _run_programs(case: Path, solving: _Solving, tell: Report) -> None:
         run("reconstructPar", "-latestTime")
         for part in case.glob("processor*"):
             shutil.rmtree(part)
-    tell("stream function", 0.95)
-    log = run("postProcess", "-func", "streamFunction", "-latestTime")
-    if NO_START in log.read_text(encoding="utf-8", errors="replace"):
+
+
+def _stream_function(case: Path, solving: _Solving) -> None:
+    """Compute the stream function of a case at rest; a wrong one is removed."""
+    command = ["postProcess", "-func", "streamFunction", "-latestTime"]
+    log = run_program(case, command, walled=solving.plain is not None)
+    if says(log, NO_START):
         for wrong in case.glob("*/streamFunction*"):
             wrong.unlink()
 
 
-def _follow_residual(at_rest: float, note: str, tell: Report) -> Follow:
+def _follow_residual(at_rest: float, tell: Callable[[float], None]) -> Follow:
     """A follower of icoFoam's log: the residual of U falls geometrically from 1 to `at_rest`."""
 
     def follow(grown: str) -> None:
         residuals = re.findall(r"Solving for Ux, Initial residual = ([^,\s]+),", grown)
         if residuals:
             fraction = math.log(max(float(residuals[-1]), at_rest)) / math.log(at_rest)
-            tell(note, 0.05 + 0.85 * min(max(fraction, 0.0), 1.0))
+            tell(min(max(fraction, 0.0), 1.0))
 
     return follow

@@ -13,11 +13,20 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import confine
+from ellipsoid_coupling.limits import MOST_LOG_BYTES, in_words
 
 PROGRAMS = ("blockMesh", "mapFields", "decomposePar", "icoFoam", "reconstructPar", "postProcess")
 INSTALL = "apt-get install -y --no-install-recommends openfoam"
 LAST_LINES = 12
 POLL_SECONDS = 0.05
+_TAIL_BYTES = 20_000
+# 128 + SIGFPE, which OpenFOAM asks for.
+_WHY = {
+    136: ", a number that is not finite: the run has diverged; a smaller deltaT in system/controlDict, "
+    "or other schemes, may help"
+}
+# "#3  Foam::PCG::solve(...) at ??:?" or "[host:405] [ 3] icoFoam(...)", where a program has crashed.
+_FRAME = re.compile(r"\s*(?:#\d+ |\[[^\]]+\] \[ ?\d+\]).*")
 
 Follow = Callable[[str], None]
 
@@ -73,7 +82,7 @@ def run_program(
         it cannot, the log begins with the reason, see `why_open`
 
     Raises RunError with the program's name, the log's last lines and its path if the program ends
-    with any status but 0.
+    with any status but 0, or says more than any run has to say.
     """
     name = command[3] if command[0] == "mpirun" else Path(command[0]).name
     log = case / f"log.{name}"
@@ -82,7 +91,8 @@ def run_program(
         log.open(encoding="utf-8", errors="replace") as grown,
     ):
         process = subprocess.Popen(
-            [*_beside(case if walled else None), *command], cwd=case, env=foam_environment(),
+            [*_beside(case if walled else None), *command], cwd=case,
+            env={**foam_environment(), "PWD": str(case.resolve())},
             stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True,
         )  # fmt: skip
         try:
@@ -90,12 +100,15 @@ def run_program(
                 time.sleep(POLL_SECONDS)
                 if follow is not None:
                     follow(grown.read())
+                if log.stat().st_size > MOST_LOG_BYTES:
+                    raise failed(f"{name} said more than {in_words(MOST_LOG_BYTES)}", log)
         finally:
             # Nothing keeps running when this program is interrupted.
             process.terminate()
             process.wait()
     if process.returncode != 0:
-        raise failed(f"{name} ended with status {process.returncode}", log)
+        why = _WHY.get(process.returncode, "")
+        raise failed(f"{name} ended with status {process.returncode}{why}", log)
     return log
 
 
@@ -122,12 +135,17 @@ def mpi_starts(case: Path, processes: int) -> bool:
     return done.returncode == 0
 
 
+def says(log: Path, text: str) -> bool:
+    """Whether a line of a log has this text in it; no more than a line is held in memory."""
+    with log.open(encoding="utf-8", errors="replace") as file:
+        return any(text in line for line in file)
+
+
 def failed(what: str, log: Path) -> RunError:
     """The error that quotes a log: what happened, its last lines, its path."""
-    lines = [
-        line
-        for line in log.read_text(encoding="utf-8", errors="replace").splitlines()
-        if line.strip()
-    ]
+    with log.open("rb") as file:
+        file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
+        tail = file.read(_TAIL_BYTES).decode(errors="replace")
+    lines = [line for line in tail.splitlines() if line.strip() and not _FRAME.fullmatch(line)]
     end = "\n    ".join(lines[-LAST_LINES:])
     return RunError(f"{what}. The end of {log}:\n    {end}")

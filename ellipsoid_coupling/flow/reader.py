@@ -30,7 +30,8 @@ from ellipsoid_coupling.flow.foam_case import (
 )
 from ellipsoid_coupling.flow.foam_files import decimal, packed
 from ellipsoid_coupling.flow.foam_times import Chosen, choose_time, is_time, unsolved
-from ellipsoid_coupling.flow.mesh_flow import SINGLE, MeshFlow, flow_field
+from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
+from ellipsoid_coupling.flow.plane import SINGLE, thin_axis
 from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
 from ellipsoid_coupling.flow.vtk_files import REMEDY, check_internal, read_patch
@@ -269,7 +270,7 @@ def _read_vtu(step: Path) -> _Raw:
 def _plane(raw: _Raw, where: str, origin: str) -> MeshFlow:
     """The plane problem in a mesh that is one cell thick; InputError for any other mesh."""
     points = raw.points
-    normal = _normal(points, where)
+    normal = thin_axis(points, where)
     plane = [axis for axis in range(3) if axis != normal]
     depth = points[:, normal]
     middle = 0.5 * (depth.min() + depth.max())
@@ -317,45 +318,6 @@ def _require_areas(points: Array, cells: Polygons, where: str) -> None:
             f"{flawed} cells without, the shortest edge {length.min(initial=np.inf):g} long",
             "Mesh the case again.",
         )  # fmt: skip
-
-
-def _normal(points: Array, where: str) -> int:
-    """The axis along which the mesh is one cell thick, z first; InputError if there is none."""
-    for axis in (2, 1, 0):
-        depth = points[:, axis]
-        tolerance = SINGLE * np.ptp(depth)
-        if np.all((depth - depth.min() <= tolerance) | (depth.max() - depth <= tolerance)):
-            return axis
-    raise InputError(
-        where, "a plane case, one cell thick along x, y or z", _layers(points),
-        "Solve the flow as a plane case, one cell thick, with empty patches in front and behind.",
-    )  # fmt: skip
-
-
-def _layers(points: Array) -> str:
-    """In words, how many cells thick a mesh is along the axis where those are the fewest."""
-    counts = []
-    for axis, name in enumerate("xyz"):
-        depth = points[:, axis]
-        tolerance = SINGLE * np.ptp(depth)
-        order = np.argsort(depth)
-        level = np.empty(depth.size, np.int_)
-        level[order] = np.cumsum(np.diff(depth[order], prepend=depth.min()) > tolerance)
-        number = int(level.max()) + 1
-        flat = np.delete(points, axis, axis=1)
-        if depth.size % number == 0 and _alike(flat, level, number):
-            counts.append((number - 1, name))
-    if not counts:
-        return "a 3-D mesh"
-    thick, name = min(counts)
-    return f"a mesh {thick} cells thick along {name}"
-
-
-def _alike(flat: Array, level: Index, number: int) -> bool:
-    """Whether points (P, 2) on so many levels are the same on each."""
-    at = np.rint(flat / (SINGLE * max(float(np.ptp(flat)), 1e-300)))
-    layers = at[np.lexsort((at[:, 1], at[:, 0], level))].reshape(number, -1, 2)
-    return bool(np.all(np.bincount(level) == layers.shape[1]) and np.ptp(layers, axis=0).max() <= 1)
 
 
 class _Inside:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.foam_blocks import block_mesh
+from ellipsoid_coupling.flow.foam_blocks import block_mesh, patch_types
 from ellipsoid_coupling.flow.foam_case import Mesh
 from ellipsoid_coupling.flow.foam_dictionary import Number, Section, parse
 from ellipsoid_coupling.flow.foam_files import packed
@@ -34,8 +34,8 @@ from ellipsoid_coupling.flow.foam_scanner import TRUST, Source
 from ellipsoid_coupling.flow.foam_start import KINDS, start_field
 from ellipsoid_coupling.flow.foam_tables import (
     SCHEMES,
-    SOLUTION,
     control,
+    solution,
     transport,
 )
 from ellipsoid_coupling.flow.own_mesh import read_own_mesh
@@ -48,6 +48,8 @@ LEFT_OUT = "polyMesh"
 PARAMETERS = "system/parameters"
 # Initial residual of U that ends a run whose system/parameters has no atRest.
 AT_REST = 1e-6
+# The first residual is 1: a run to that would be none.
+_LARGEST_REST = 0.999
 _MOST_CELLS = 10**9
 # Of a hexahedron: no patch has more faces than all cells together.
 _FACES = 6
@@ -116,8 +118,8 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
-        "system/fvSolution": entries(read("system/fvSolution"), SOLUTION),
-        "constant/transportProperties": transport(read("constant/transportProperties")),
+        "system/fvSolution": solution(read("system/fvSolution")),
+        "constant/transportProperties": transport(read(f"constant/{_viscosity_file(case)}")),
     }
     if meshing.blocks:
         dictionaries["system/blockMeshDict"] = meshing.blocks
@@ -126,7 +128,9 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
     for name, kind in (("U", "volVectorField"), ("p", "volScalarField")):
         source = _source(case, f"{start_folder(case)}/{name}")
         lines = start_field(
-            parse(source, lambda: numbers, longest=_FACES * int(meshing.cells)), name
+            parse(source, lambda: numbers, longest=_FACES * int(meshing.cells)),
+            name,
+            meshing.patches,
         )
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
@@ -138,10 +142,11 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
 
 @dataclass(frozen=True)
 class _Meshing:
-    """The mesh of a case: blockMeshDict's lines or the case's own, cells, cells a side."""
+    """The mesh of a case: blockMeshDict's lines or the case's own, patches, cells, cells a side."""
 
     blocks: list[str]
     own: Mesh | None
+    patches: dict[str, str]
     cells: float
     side: int
     scales: bool
@@ -153,12 +158,13 @@ def _meshing(case: Path, cells: int | None, numbers: Mapping[str, Number]) -> _M
     if packed(path) is None and packed(case / "constant" / LEFT_OUT / "points"):
         mesh = read_own_mesh(case)
         side = _fixed_side(case / "constant" / LEFT_OUT, cells, case, mesh.cells)
-        return _Meshing([], mesh, mesh.cells, side, scales=False)
+        patches = {patch.name: patch.kind for patch in mesh.patches}
+        return _Meshing([], mesh, patches, mesh.cells, side, scales=False)
     section = parse(_source(case, "system/blockMeshDict"), lambda: numbers)
     blocks, count = block_mesh(section)
     scales = "cells" in section.used
     side = int(numbers["cells"].value) if scales else _fixed_side(path, cells, case, count)
-    return _Meshing(blocks, None, count, side, scales)
+    return _Meshing(blocks, None, patch_types(section), count, side, scales)
 
 
 def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
@@ -169,7 +175,7 @@ def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
     if "cells" in section.entries:
         whole_of(section, "cells", 1, _MOST_CELLS)
     if "atRest" in section.entries:
-        real_of(section, "atRest", 1e-300, 1.0)
+        real_of(section, "atRest", 1e-300, _LARGEST_REST)
     return {
         name_of(section, name, section.places[name]): one(section, name, Number, f"a number {name}")
         for name in section.entries if name != "FoamFile"
@@ -186,6 +192,13 @@ def _fixed_side(mesh: Path, cells: int | None, case: Path, mesh_cells: float) ->
             "other numbers", f"Write $cells there, or take the {side} that there are.",
         )  # fmt: skip
     return side
+
+
+def _viscosity_file(case: Path) -> str:
+    """The file with nu; OpenFOAM.org's has another name since version 9."""
+    own, other = "transportProperties", "physicalProperties"
+    folder = case / "constant"
+    return other if packed(folder / own) is None and packed(folder / other) else own
 
 
 def _strips(processes: int) -> list[str]:
@@ -205,7 +218,7 @@ def _require_known(case: Path) -> None:
     """InputError for a file that may be meant to change the flow, and that no run here would read."""
     known = {
         start_folder(case): {*KINDS},
-        "constant": {"transportProperties"},
+        "constant": {_viscosity_file(case)},
         "system": {
             "parameters", "blockMeshDict", "controlDict", "fvSchemes", "fvSolution",
             "decomposeParDict",

@@ -367,7 +367,7 @@ def test_a_whole_mesh_in_a_time_is_used(case: Path, known: FlowField) -> None:
 
 def test_a_mesh_of_several_cells_of_thickness_is_called_so(case: Path) -> None:
     """Two layers of the cavity's points with a third one between them; faces do not matter."""
-    from ellipsoid_coupling.flow.reader import _layers
+    from ellipsoid_coupling.flow.plane import _layers
 
     text = (case / POINTS).read_text(encoding="utf-8")
     rows = re.findall(r"(?m)^\((\S+) (\S+) (\S+)\)$", text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -170,10 +171,18 @@ def test_linear_cases_run_and_clean_by_themselves(tmp_path: Path, name: str) -> 
 def test_a_coarse_start_gives_the_same_flow(
     own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Mapping changes the start, not the rest: equal to single precision."""
+    """Mapping changes the start, not the rest: equal to single precision.
+
+    Nothing is mapped from the cache: a dictionary that somebody left there is read by no program.
+    """
     direct = read_case(solve_case("cavity", 20, out=tmp_path / "direct"))
+    coarse = solve_case("cavity", 10)
+    (coarse / "system" / "controlDict").write_text("#codeStream { }", encoding="utf-8")
     monkeypatch.setattr(openfoam, "MAPPED_FROM", 20)
-    mapped = read_case(solve_case("cavity", 20))
+    told: list[tuple[str, float]] = []
+    mapped = read_case(solve_case("cavity", 20, report=lambda *what: told.append(what)))
+    assert "flow cavity, 20 cells: first on 10 cells, icoFoam" in dict(told)
+    assert [done for _, done in told] == sorted(done for _, done in told)
     assert len(list((own_cache / "flows").iterdir())) == 2
     for a, b in zip(
         direct.evaluate(*points(500))[:2], mapped.evaluate(*points(500))[:2], strict=True
@@ -201,6 +210,19 @@ def test_not_at_rest_is_an_error_and_no_result(own_cache: Path, tmp_path: Path) 
     with pytest.raises(RunError, match=r"not at rest at endTime 0\.5"):
         solve_case(case)
     assert [path.name.endswith("-failed") for path in (own_cache / "flows").iterdir()] == [True]
+    # A failed run replaces an earlier one, and nothing else that is called so.
+    target, own = tmp_path / "out", tmp_path / "out-failed" / "thesis.txt"
+    own.parent.mkdir()
+    own.write_text("years of work", encoding="utf-8")
+    with pytest.raises(RunError, match=r"out-failed-[0-9a-f]{8}/log\.icoFoam"):
+        solve_case(case, out=target)
+    assert own.read_text(encoding="utf-8") == "years of work"
+    own.rename(tmp_path / "thesis.txt")
+    own.parent.rmdir()
+    for _ in range(2):
+        with pytest.raises(RunError, match=r"out-failed/log\.icoFoam"):
+            solve_case(case, out=target)
+    assert len(list(tmp_path.glob("out-failed*"))) == 2
 
 
 @pytest.mark.openfoam
@@ -212,6 +234,38 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
         solve_case("cavity", 16, out=tmp_path)
     with pytest.raises(InputError, match="at least 4 cells"):
         solve_case("cavity", 2)
+
+
+def test_no_solution_goes_among_the_files_of_its_case(tmp_path: Path) -> None:
+    case = _copy(tmp_path)
+    with pytest.raises(InputError, match="a folder that is no part of the case"):
+        solve_case(case, out=case / "system" / "out")
+    assert not (case / "system" / "out").exists()
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+def test_a_mesh_of_two_layers_is_refused_before_it_is_solved(
+    own_cache: Path, tmp_path: Path
+) -> None:
+    case = _copy(tmp_path, "system/blockMeshDict", "($cells $cells 1)", "($cells $cells 2)")
+    told: list[str] = []
+    with pytest.raises(InputError, match=r"own: expected a plane case, .* 2 cells thick along z"):
+        solve_case(case, report=lambda stage, _: told.append(stage))
+    assert told == ["flow own, 16 cells: mesh"]
+    assert not list((own_cache / "flows").iterdir())
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_a_trusted_case_is_copied_without_pipes_and_links_to_nowhere(tmp_path: Path) -> None:
+    case = _copy(tmp_path)
+    os.mkfifo(case / "constant" / "pipe")
+    (case / "system" / "nowhere").symlink_to(tmp_path / "nowhere")
+    solved = solve_case(case, 8, trust=True)
+    assert (solved / "system" / "blockMeshDict").is_file()
+    assert not (solved / "constant" / "pipe").exists()
 
 
 @pytest.mark.openfoam
@@ -226,6 +280,56 @@ def test_the_hash_knows_inputs_but_not_processes(tmp_path: Path) -> None:
     assert openfoam.inputs_hash(case, 17) != first
     parameters.write_text(text.replace("1e-9", "1e-8"), encoding="utf-8")
     assert openfoam.inputs_hash(case, 16) != first
+    # What follows a number of cells in a comment is content.
+    parameters.write_text("/*\ncells 16 */ atRest 1e-8;", encoding="utf-8")
+    second = openfoam.inputs_hash(case, 16)
+    parameters.write_text("/*\ncells 16 */ atRest 1e-7;", encoding="utf-8")
+    assert openfoam.inputs_hash(case, 16) not in (first, second)
+
+
+def test_the_content_knows_every_file_that_is_read(tmp_path: Path) -> None:
+    """Where the case lies does not matter; links to folders are followed; two files are not one."""
+    case = _copy(tmp_path)
+    first = openfoam.content_hash(case)
+    (tmp_path / "polyMesh").mkdir()
+    moved = case.rename(tmp_path / "polyMesh" / "own")
+    assert openfoam.content_hash(moved) == first
+    control = moved / "system" / "controlDict"
+    control.write_text(control.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    second = openfoam.content_hash(moved)
+    assert second != first
+    (moved / "system" / "blockMeshDict").unlink()
+    points = tmp_path / "mesh" / "points"
+    points.parent.mkdir()
+    (moved / "constant" / "polyMesh").symlink_to(points.parent)
+    found = set()
+    for text in ("one", "two"):
+        points.write_text(text, encoding="utf-8")
+        found.add(openfoam.content_hash(moved))
+    (moved / "constant" / "a").write_bytes(b"xconstant/b\0y")
+    found.add(openfoam.content_hash(moved))
+    (moved / "constant" / "a").write_bytes(b"x")
+    (moved / "constant" / "b").write_bytes(b"y")
+    assert len(found | {second, openfoam.content_hash(moved)}) == 5
+    (moved / "constant" / "loop").symlink_to(moved)
+    (moved / "constant" / "loop2").symlink_to(moved)
+    with pytest.raises(InputError, match="at most 2000 files"):
+        openfoam.content_hash(moved)
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+def test_a_case_that_changes_while_it_is_solved(own_cache: Path, tmp_path: Path) -> None:
+    """Its solution is not kept under the name of what the case has become, nor of what it was."""
+    case = _copy(tmp_path)
+
+    def change(stage: str, _done: float) -> None:
+        if stage.endswith("mesh"):
+            (case / "system" / "fvSchemes").write_text("// changed", encoding="utf-8")
+
+    with pytest.raises(RunError, match="own has changed while it was solved"):
+        solve_case(case, report=change)
+    assert not list((own_cache / "flows").iterdir())
 
 
 def test_an_unknown_case_lists_the_known_ones() -> None:

@@ -16,7 +16,7 @@ import pytest
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import confine, programs
 from ellipsoid_coupling.flow.openfoam import case_folder, solve_case
-from ellipsoid_coupling.flow.programs import LAST_LINES, run_program, why_open
+from ellipsoid_coupling.flow.programs import LAST_LINES, run_program, says, why_open
 
 needs_openfoam = pytest.mark.skipif(
     not programs.openfoam_available(), reason="OpenFOAM is not installed"
@@ -71,6 +71,26 @@ def test_a_failure_quotes_the_last_lines(tmp_path: Path) -> None:
     assert "line 99" in text
     assert text.count("line ") == LAST_LINES
     assert str(tmp_path) in text
+
+
+def test_a_program_that_says_too_much_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(programs, "MOST_LOG_BYTES", 100_000)
+    with pytest.raises(RunError, match=r"yes said more than 100 kB\. The end of ") as caught:
+        run_program(tmp_path, ["yes", "no"])
+    assert str(caught.value).count("no") > LAST_LINES // 2
+    assert not working_in(tmp_path)
+    assert says(tmp_path / "log.yes", "no")
+    assert not says(tmp_path / "log.yes", "yes")
+
+
+def test_a_run_that_has_diverged_is_told_without_its_stack(tmp_path: Path) -> None:
+    frames = "#3  Foam::PCG::solve(a) at ??:?", "[host:405] [ 5] icoFoam(+0x23b15)[0x5577]"
+    program = f"echo Time = 3; echo '{frames[0]}'; echo '{frames[1]}'; kill -8 $$"
+    with pytest.raises(RunError, match=r"status 136, .* diverged; a smaller deltaT") as caught:
+        run_program(tmp_path, ["sh", "-c", program])
+    assert str(caught.value).splitlines()[1:] == ["    Time = 3"]
 
 
 @pytest.mark.parametrize(("program", "status"), [("kill -9 $$", 137), ("exec /no/such", 127)])

@@ -171,6 +171,63 @@ def test_numbers_of_parameters_are_put_in(case: Path) -> None:
         plain_case(case, 17, 1)
 
 
+def test_numbers_of_parameters_are_entries_of_who_includes_them(case: Path) -> None:
+    """As they are for OpenFOAM: a scale there makes the mesh smaller; an own entry behind it counts."""
+    edit(case / "system" / "parameters", "cells 16;", "cells 16; scale 0.5; deltaT 0.25; nu 0.5;")
+    control = case / "system" / "controlDict"
+    text = control.read_text("utf-8")
+    edit(control, "deltaT          $timeStep;", "")
+    edit(case / "system" / "blockMeshDict", "scale   1;", "")
+    plain = plain_case(case, None, 1)
+    assert plain.files["system/blockMeshDict"].count("scale 0.5;") == 1
+    assert plain.files["system/controlDict"].count("deltaT 0.25;") == 1
+    assert "scale" not in plain.files["system/controlDict"]
+    control.write_text(text, "utf-8")
+    assert "deltaT 0.05;" in plain_case(case, None, 1).files["system/controlDict"]
+    (case / "system" / "blockMeshDict").write_text(
+        '#include "parameters"\n' * 2 + (case / "system" / "blockMeshDict").read_text("utf-8"),
+        "utf-8",
+    )
+    assert plain_case(case, None, 1).files["system/blockMeshDict"].count("scale 0.5;") == 1
+
+
+def test_the_viscosity_may_lie_in_physical_properties(case: Path) -> None:
+    own = case / "constant" / "transportProperties"
+    expected = plain_case(case, None, 1)
+    other = own.rename(own.with_name("physicalProperties"))
+    other.write_text(other.read_text("utf-8") + "\nviscosityModel constant;\n", "utf-8")
+    assert plain_case(case, None, 1) == expected
+    edit(other, "constant;", "powerLaw;")
+    refused(case, "constant/physicalProperties, line .* viscosityModel constant, found powerLaw")
+    shutil.copy(other, own)
+    refused(case, "constant/physicalProperties: expected nothing but transportProperties")
+
+
+def test_walls_are_known_by_their_type_as_well(case: Path) -> None:
+    """And an empty patch needs no condition."""
+    for field in ("U", "p"):
+        path = case / "0.orig" / field
+        edit(path, "    walls\n", "    wall\n")
+        text = path.read_text("utf-8")
+        path.write_text(text.partition("    frontAndBack")[0] + "}\n", "utf-8")
+    assert "wall\n" in plain_case(case, None, 1).files["0.orig/U"]
+
+
+@pytest.mark.parametrize("text", ["1 " * 260_000, f'"{"a" * 900}" ' * 3_000])
+def test_starts_have_a_bounded_number_of_parts(text: str, case: Path) -> None:
+    """Up to 30 MB are read; lists of numbers apart, no start has that many parts."""
+    (case / "0.orig" / "U").write_text(f"x ({text});", "utf-8")
+    refused(case, "0.orig/U, line 1: .* more than 250000 entries and values")
+
+
+def test_no_copy_multiplies_a_list_of_numbers(case: Path) -> None:
+    """30 MB would become gigabytes."""
+    path = case / "0.orig" / "U"
+    big = f"a {{ type fixedValue; value nonuniform List<vector> 99 ({'(1 0 0)' * 99}); }}\n"
+    edit(path, "boundaryField\n{", f"boundaryField\n{{\n{big}b {{ $a; }}\n")
+    refused(case, r"0.orig/U, line 16: .*\$a, where no small dictionary a stands before")
+
+
 def without_parameters(case: Path) -> Path:
     """As OpenFOAM's own tutorials are: 20 x 20 cells, no function object, a folder 0."""
     for name in ("parameters", "decomposeParDict"):
@@ -262,6 +319,17 @@ REFUSED = {
     "cells": ("system/parameters", "cells 16;", "cells 0.5;", "a whole number cells|a number cells"),
     "no cells": ("system/parameters", "cells 16;", "", "no number cells stands before"),
     "at rest": ("system/parameters", "1e-9", "nan", "a number"),
+    "no last solver": ("system/fvSolution", "pFinal", "k", "a dictionary pFinal, found none"),
+    "few digits": ("system/controlDict", "writePrecision  12", "writePrecision 2",
+                   "a number writePrecision from 6 to 17, found 2"),
+    "at rest at once": ("system/parameters", "1e-9", "1", "atRest from 1e-300 to 0.999, found 1"),
+    "steps": ("system/controlDict", "$timeStep", "1e-9", "at most 1000000 steps to endTime 20, found"),
+    "a long sum": ("0.orig/U", "pos().x()-0.5", "+".join(["1"] * 300), "more than 200 signs"),
+    "a huge number": ("0.orig/U", "pos().x()-0.5", "1e999", "1e999, which is out of range"),
+    "a patch left out": ("0.orig/U", "    walls\n", "    sides\n",
+                         "a condition for each patch of the mesh, found none for the patch walls"),
+    "a second end": ("system/controlDict", '#include "parameters"',
+                     'endTime 1;\n#include "parameters"', "a second entry endTime"),
 }  # fmt: skip
 
 

@@ -30,7 +30,12 @@ from ellipsoid_coupling.files import (
 )
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
-from ellipsoid_coupling.limits import LONGEST_RUN, MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.limits import (
+    LONGEST_RUN,
+    MOST_CHECKPOINT_ARRAYS,
+    MOST_SCENE_BYTES,
+    memory_limit,
+)
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
 _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE = (
@@ -243,7 +248,7 @@ class RunFolder:
             return None
         # Stored as it is, what a checkpoint holds is less than its file; what is packed is not ours.
         size = min(file.stat().st_size, memory_limit())
-        arrays = read_arrays(file, "a whole checkpoint", size)
+        arrays = read_arrays(file, "a whole checkpoint", size, MOST_CHECKPOINT_ARRAYS)
         try:
             meta = str(arrays.pop("meta"))
             known = len(meta) < _MOST_META and json.loads(meta)["format"] == _FORMAT

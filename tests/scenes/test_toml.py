@@ -92,7 +92,7 @@ DEEP = ".".join(["a"] * 300_000) + " = 1\n"
     ],
 )  # fmt: skip
 def test_a_key_of_very_many_parts_is_refused_before_it_is_read(before: str) -> None:
-    """tomllib took 1.5 GB for one of 20 000 parts, and grows with the square."""
+    """It took tomllib 1.5 GB for one of 20 000 parts, and grows with the square."""
     with within_limits(), pytest.raises(InputError, match="nested more than 50 deep"):
         parse_toml(before + DEEP + "y = 'b'\nz = \"c\"\n", "here")
 

@@ -42,6 +42,7 @@ def whole_file(path: Path, *, new_folder: bool = True) -> Iterator[Path]:
     try:
         if new_folder:
             path.parent.mkdir(parents=True, exist_ok=True)
+        _remove(beside)  # in a folder from elsewhere it may be a link to another place
         yield beside
         flush(beside)
         beside.replace(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,18 @@ def test_file_appears_only_when_finished(tmp_path: Path) -> None:
         assert not path.exists()
     assert path.read_text() == "half"
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_what_is_written_follows_no_link(tmp_path: Path) -> None:
+    """A folder from elsewhere may hold links of the names that are written to."""
+    (tmp_path / "kept.txt").write_text("kept")
+    for name in ("a.txt", f".a.{os.getpid()}.txt"):
+        (tmp_path / name).symlink_to("kept.txt")
+    with whole_file(tmp_path / "a.txt") as beside:
+        beside.write_text("new")
+    assert (tmp_path / "kept.txt").read_text() == "kept"
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert not (tmp_path / "a.txt").is_symlink()
 
 
 def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:

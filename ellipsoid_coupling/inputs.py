@@ -50,6 +50,9 @@ _DAMAGED = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError, LookupError,
     struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+# What stands before each entry of an archive's list, and how numpy packs.
+_ENTRY = b"PK\x01\x02"
+_PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 # The header of an .npy of numbers or text: magic, version 1.0, length, one literal, blanks.
 _HEADER = re.compile(
     rb"\x93NUMPY\x01\x00..\{'descr': '([<>|=][a-zA-Z]\d{0,6})', "
@@ -192,8 +195,10 @@ def unpack_beginning(data: bytes, path: Path, expected: str, size: int) -> bytes
     raise InputError(str(path), expected, found, "Make it again.")
 
 
-def read_arrays(path: Path, expected: str, most: int) -> Arrays:
+def read_arrays(path: Path, expected: str, most: int, members: int) -> Arrays:
     """The arrays of an .npz file: numbers and text only, nothing pickled, `most` bytes in all.
+
+    `members` is how many arrays there may be.
 
     Sizes are taken from the headers and compared with what the file holds before any array is made.
 
@@ -203,6 +208,11 @@ def read_arrays(path: Path, expected: str, most: int) -> Arrays:
         For another file, a damaged one, an array of objects, or more than `most` bytes.
     """
     data = read_bytes(path, expected, most)
+    # zipfile makes an object for every entry of the list at the end, before it can be asked.
+    if data.count(_ENTRY) > members:
+        raise InputError(
+            str(path), f"{expected} of at most {members} arrays", "more", "Make it again."
+        )
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             _check_members(archive, path, expected, most)
@@ -222,6 +232,8 @@ def _check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: in
     names = [member.filename for member in archive.infolist()]
     if len(set(names)) < len(names) or not all(name.endswith(".npy") for name in names):
         raise InputError(str(path), expected, "members that are no arrays", "Make it again.")
+    if not all(member.compress_type in _PACKED for member in archive.infolist()):
+        raise InputError(str(path), expected, "arrays that numpy has not packed", "Make it again.")
     total = sum(member.file_size for member in archive.infolist())
     if total > most:
         raise InputError(
@@ -235,7 +247,9 @@ def _array(
 ) -> NDArray[Any]:
     """One member; its header is the one line that numpy writes for plain numbers, or refused."""
     name = member.filename.removesuffix(".npy")
-    data = archive.read(member)
+    # No more is unpacked than the file says it is: read() without a number would go to the end.
+    with archive.open(member) as stream:
+        data = stream.read(member.file_size)
     header = _HEADER.match(data)
     if header is None:
         raise InputError(

@@ -29,8 +29,20 @@ from ellipsoid_coupling.files import (
     write_arrays,
 )
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.inputs import exists, is_folder, output_folder, read_arrays, read_text
-from ellipsoid_coupling.limits import LONGEST_RUN, MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.inputs import (
+    exists,
+    is_folder,
+    open_ordinary,
+    output_folder,
+    read_arrays,
+    read_text,
+)
+from ellipsoid_coupling.limits import (
+    LONGEST_RUN,
+    MOST_CHECKPOINT_ARRAYS,
+    MOST_SCENE_BYTES,
+    memory_limit,
+)
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 
 _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE = (
@@ -242,8 +254,9 @@ class RunFolder:
         if not self.resume or not exists(file):
             return None
         # Stored as it is, what a checkpoint holds is less than its file; what is packed is not ours.
-        size = min(file.stat().st_size, memory_limit())
-        arrays = read_arrays(file, "a whole checkpoint", size)
+        with open_ordinary(file, "a whole checkpoint", memory_limit()) as opened:
+            size = opened.seek(0, os.SEEK_END)
+        arrays = read_arrays(file, "a whole checkpoint", size, MOST_CHECKPOINT_ARRAYS)
         try:
             meta = str(arrays.pop("meta"))
             known = len(meta) < _MOST_META and json.loads(meta)["format"] == _FORMAT
@@ -350,10 +363,16 @@ def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
         )
 
 
-def read_run_file(file: Path) -> dict[str, Any]:
+def read_run_file(file: Path) -> dict[str, dict[str, Any]]:
     """The tables of a run.toml; InputError where it is none."""
     text = read_text(file, "the run.toml of a run", MOST_SCENE_BYTES)
-    return parse_toml(text, str(file))
+    table = parse_toml(text, str(file))
+    for part, values in table.items():
+        if not isinstance(values, dict):
+            raise InputError(
+                f"{file}, {part}", "a section", repr(values), "Take the run.toml of a run."
+            )
+    return table
 
 
 def _lock(handle: int, path: Path) -> None:

@@ -18,6 +18,7 @@ ORDER = [
     "inputs",
     "files",
     "seal",
+    "hdf5",
     "netcdf",
     "interruption",
     "cache",

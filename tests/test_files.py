@@ -32,6 +32,17 @@ def test_two_writers_with_one_process_id_do_not_meet(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_what_is_written_follows_no_link(tmp_path: Path) -> None:
+    """A folder from elsewhere may hold links of the names that are written to."""
+    (tmp_path / "kept.txt").write_text("kept")
+    (tmp_path / "a.txt").symlink_to("kept.txt")
+    with whole_file(tmp_path / "a.txt") as beside:
+        beside.write_text("new")
+    assert (tmp_path / "kept.txt").read_text() == "kept"
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert not (tmp_path / "a.txt").is_symlink()
+
+
 def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")

@@ -170,6 +170,23 @@ def test_a_second_run_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     assert set(contents(tmp_path)) == {RUN_FILE, RESULT_FILE}
 
 
+@pytest.mark.parametrize("text", ["run = 1", 'run = "x"', "run = []", "scene = 1.5", "extra = 1"])
+def test_a_run_file_without_its_sections_is_refused(text: str, tmp_path: Path) -> None:
+    place = interrupted(tmp_path)
+    (tmp_path / RUN_FILE).write_text(text)
+    with pytest.raises(InputError, match=r"run\.toml, \w+: expected a section"):
+        run(place)
+
+
+@pytest.mark.parametrize("target", ["nowhere", CHECKPOINT_FILE])
+def test_a_checkpoint_that_leads_nowhere_is_refused(target: str, tmp_path: Path) -> None:
+    place = interrupted(tmp_path)
+    (tmp_path / CHECKPOINT_FILE).unlink()
+    (tmp_path / CHECKPOINT_FILE).symlink_to(target)
+    with pytest.raises(InputError, match=r"checkpoint\.npz: expected a whole checkpoint"):
+        run(place)
+
+
 _DAMAGES = ["cut", "flip", "empty", "text", "alien", "pickle", "bomb", "packed", "nested", "named"]
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -240,7 +242,9 @@ def _read_vtu(step: Path) -> _Raw:
     path = step / "internal.vtu"
     check_internal(path)
     try:
-        mesh = meshio.read(path)
+        # What it says of a file quotes it, markup for terminals included.
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+            mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio ends the program on some unreadable files
         raise _error(path, "a file that meshio reads", type(error).__name__, REMEDY) from error
     if "U" not in mesh.cell_data:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.inputs import read_arrays
-from ellipsoid_coupling.limits import LARGEST_NUMBER, MOST_FLOW_BYTES
+from ellipsoid_coupling.limits import LARGEST_NUMBER, MOST_FLOW_ARRAYS, MOST_FLOW_BYTES
 
 EXPECTED = "a flow saved by FlowField.save"
 _REMEDY = "Name a saved flow (.npz) or a solved OpenFOAM case folder."
@@ -30,7 +30,7 @@ class SavedFlow(NamedTuple):
 
 def read_saved(path: Path) -> SavedFlow:
     """A saved flow, checked; InputError where the file is missing, broken or something else."""
-    file = read_arrays(path, EXPECTED, MOST_FLOW_BYTES)
+    file = read_arrays(path, EXPECTED, MOST_FLOW_BYTES, MOST_FLOW_ARRAYS)
     kinds = {name: array.dtype.str for name, array in file.items()}
     if kinds | _KINDS != kinds or not kinds.get("origin", "").startswith("<U"):
         found = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "nothing"

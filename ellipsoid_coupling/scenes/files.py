@@ -19,6 +19,10 @@ from ellipsoid_coupling.scenes.scene import RunPart, Scene
 
 Table = dict[str, Any]
 
+_OPENING = re.compile("[\"'#]")
+# What keys and values are divided by; within a key parts are divided by dots.
+_DIVIDER = re.compile(r"[,=\[\]{}\n]")
+
 
 def builtin_scenes() -> list[str]:
     """The names of the scenes that the package ships, sorted."""
@@ -82,6 +86,9 @@ def scene_from_table(table: Table, where: str) -> Scene:
 def parse_toml(text: str, where: str) -> Table:
     """TOML text as a table; InputError for any mistake, sections nested too deeply included."""
     try:
+        # tomllib takes time and memory with the square of a key's parts.
+        if any(part.count(".") > MOST_NESTING for part in _DIVIDER.split(_without_strings(text))):
+            raise _too_deep(where)
         # Editors of other systems put a byte order mark in front, which is no part of the text.
         table = tomllib.loads(text.removeprefix("\ufeff"))
         _check_nesting(table, where)
@@ -91,6 +98,35 @@ def parse_toml(text: str, where: str) -> Table:
         remedy = "Mend the line named."
         raise InputError(where, "a TOML file", str(error), remedy) from None
     return table
+
+
+def _without_strings(text: str) -> str:
+    """TOML less its strings and comments, and less what is behind a string without an end."""
+    pieces, at = [], 0
+    while found := _OPENING.search(text, at):
+        pieces.append(text[at : found.start()])
+        at = _string_end(text, found.start())
+    return "".join((*pieces, text[at:]))
+
+
+def _string_end(text: str, start: int) -> int:
+    """The place behind the string or comment that opens at `start`."""
+    quote = text[start]
+    if quote == "#":
+        end = text.find("\n", start)
+        return len(text) if end < 0 else end
+    mark = 3 * quote if text.startswith(3 * quote, start) else quote
+    at = start + len(mark)
+    ending = re.compile(mark if quote == "'" else rf"{mark}|\\")
+    while (found := ending.search(text, at)) and found[0] == "\\":
+        at = found.end() + 1
+    if found is None:
+        return len(text)
+    end = found.end()
+    # A string of several lines may have two quotes of its own before its last three.
+    while len(mark) == 3 and end < found.end() + 2 and text.startswith(quote, end):
+        end += 1
+    return end
 
 
 def _check_nesting(table: Table, where: str) -> None:

@@ -6,9 +6,11 @@ What is counted is memory (tracemalloc: all of Python's and numpy's) and what is
 from __future__ import annotations
 
 import gzip
+import io
 import re
 import shutil
 import tracemalloc
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import foam_entries, foam_files
+from ellipsoid_coupling.flow import FlowField, foam_entries, foam_files
 from ellipsoid_coupling.flow.foam_fields import read_boundary
 from ellipsoid_coupling.flow.foam_files import open_file, read_labels, read_numbers
 from ellipsoid_coupling.flow.reader import read_case
@@ -190,3 +192,28 @@ def test_vtk_files_are_looked_at_before_they_are_read(
     path.write_bytes(edit((DATA / "cavity_16/VTK/cavity_16_79/internal.vtu").read_bytes()))
     with at_most(5 + 4e-6 * path.stat().st_size), pytest.raises(InputError, match=told):
         check_internal(path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_array_that_unpacks_to_more_than_it_says_is_refused(tmp_path: Path, method: int) -> None:
+    """700 bytes became 1.4 GB: zipfile unpacks to the end and cuts then."""
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w", method) as archive, archive.open("mask.npy", "w") as file:
+        for _ in range(50):
+            file.write(bytes(10_000_000))
+    data = bytearray(memory.getvalue())
+    size = data.rindex(b"PK\x01\x02") + 24
+    data[size : size + 4] = (1_000).to_bytes(4, "little")
+    (tmp_path / "flow.npz").write_bytes(data)
+    with at_most(10), pytest.raises(InputError, match=r"flow\.npz: expected a flow saved"):
+        FlowField.load(tmp_path / "flow.npz")
+
+
+def test_an_archive_of_very_many_arrays_is_refused_before_it_is_listed(tmp_path: Path) -> None:
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w") as archive:
+        for number in range(20):
+            archive.writestr(f"{number}.npy", b"")
+    (tmp_path / "flow.npz").write_bytes(memory.getvalue())
+    with pytest.raises(InputError, match="at most 10 arrays"):
+        FlowField.load(tmp_path / "flow.npz")

@@ -196,3 +196,15 @@ def test_unreadable_vtu_is_an_input_error(tmp_path: Path, content: str) -> None:
     (tmp_path / "internal.vtu").write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=r"internal\.vtu: expected"):
         read_vtk(tmp_path)
+
+
+def test_what_meshio_says_of_a_file_stays_untold(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It quotes the file, and what stands in brackets becomes an escape sequence."""
+    content = (DATA / "cavity_16" / "VTK" / "cavity_16_79" / "internal.vtu").read_bytes()
+    own = b"<FieldData><DataArray type='[red]' Name='a' NumberOfTuples='1' format='ascii'>1</DataArray>"
+    (tmp_path / "internal.vtu").write_bytes(content.replace(b"<FieldData>", own))
+    with pytest.raises(InputError, match="expected a file that meshio reads"):
+        read_vtk(tmp_path)
+    assert capfd.readouterr() == ("", "")

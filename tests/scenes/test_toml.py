@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.scenes import load_run_part, load_scene, parse_toml, scene_to_toml
 from ellipsoid_coupling.scenes.files import table_to_toml
+from tests.robustness.conftest import within_limits
 
 KEYS = st.text(string.ascii_lowercase + "_", min_size=1, max_size=8)
 # Letters of every plane, control characters, quotes; no halves of letters, which no file can hold.
@@ -78,3 +79,25 @@ def test_joined_letters_make_a_title_and_control_characters_do_not() -> None:
     for title in ("\x1b[31m", "two\nlines", "\u202eleft", "long " * 100):
         with pytest.raises(InputError, match="title"):
             load_scene("cavity", {"title": title})
+
+
+DEEP = ".".join(["a"] * 300_000) + " = 1\n"
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "", "[x]\n", "x = '''a'''''\n", 'x = """a"""""\n', 'x = """\\""""\n', 'x = "\\\\"\n',
+        '"k".\'l\' = "v" # \'\n', "x = '\\'\n", "x = {", "[",
+    ],
+)  # fmt: skip
+def test_a_key_of_very_many_parts_is_refused_before_it_is_read(before: str) -> None:
+    """It took tomllib 1.5 GB for one of 20 000 parts, and grows with the square."""
+    with within_limits(), pytest.raises(InputError, match="nested more than 50 deep"):
+        parse_toml(before + DEEP + "y = 'b'\nz = \"c\"\n", "here")
+
+
+def test_dots_that_divide_no_key_are_kept() -> None:
+    text = 'a = "' + "." * 100 + '"\nb = [' + "1.5, " * 100 + "]\nc = '''\n...''' # " + "." * 60
+    table = parse_toml(text, "here")
+    assert table == {"a": "." * 100, "b": [1.5] * 100, "c": "..."}

@@ -207,7 +207,6 @@ def compare(
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
-    from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.run_flow import load_runs
     from ellipsoid_coupling.simulation import scene_flow
 
@@ -225,7 +224,6 @@ def compare(
             results, flows = load_runs(what, flow.flow)
             scene = results[0].scene
             frontier = compare_runs(results, flows)
-            print_warnings(results)
     with output.folder(f"compare-{scene.name}") as folder:
         report_frontiers([frontier], folder)
     _print(str(folder))

@@ -20,6 +20,7 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import EllipsoidError
 from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, RunFolder
+from ellipsoid_coupling.schemes.step_control import Aside
 
 MODELS = [
     (model, scheme)
@@ -115,6 +116,36 @@ def test_walls_fluid_and_chosen_steps_resume_too(model: str, tmp_path: Path) -> 
     scene = ec.load_scene("rotation", settings | {"domain.boundary": "reflecting", "walls": {}})
     whole = ec.simulate(scene, model, seed=3)
     require_same(whole, run_with_kills(tmp_path, [2, 3], scene, model, "accurate"))
+
+
+@pytest.mark.parametrize("model", ["rho_mono_kinetic", "q_maxwellian"])
+def test_grids_killed_between_save_times_and_in_the_step_aside_resume_too(
+    model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Save times change no other step, so what a short step leads to is not what a run goes on from."""
+    grid = {"numerics.cell": 0.6, "numerics.angle_cells": 8, "numerics.cfl": 0.1}
+    scene = ec.load_scene("stationary", grid | {"times": [0.1, 0.101, 0.25, 0.4]})
+    whole = ec.simulate(scene, model, seed=3)
+    kept, keep = [0], Aside.keep
+
+    def keep_and_die(aside: Aside, arrays: dict[str, Any], until: float) -> None:
+        keep(aside, arrays, until)
+        kept[0] += 1
+        # Once in each step aside, which is then taken by the run after it.
+        if kept[0] % 2:
+            raise Killed
+
+    folder = tmp_path / "aside"
+    with monkeypatch.context() as patched:
+        patched.setattr(Aside, "keep", keep_and_die)
+        for _ in range(3):
+            place = RunFolder(folder, resume=True, checkpoint_seconds=0.0)
+            with pytest.raises(Killed):
+                ec.simulate(scene, model, seed=3, folder=place)
+    assert kept[0] == 5
+    require_same(whole, ec.simulate(scene, model, seed=3, folder=RunFolder(folder, resume=True)))
+    arguments = scene, model, "accurate"
+    require_same(whole, run_with_kills(tmp_path / "between", [2, 2, 2], *arguments))
 
 
 def test_a_stationary_state_resumes_too(tmp_path: Path) -> None:

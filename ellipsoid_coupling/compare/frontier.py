@@ -57,6 +57,7 @@ class FrontierRow:
     density_errors, angle_errors : L1 distances to the reference, one a saved time.
     wall_seconds : the best of `repeats` runs; `median_seconds` their median.
     parts : of the errors; None where they were not split.
+    warnings : what the run tells, see `Result.warnings`.
     """
 
     scene: str
@@ -70,6 +71,7 @@ class FrontierRow:
     median_seconds: float = float("nan")
     repeats: int = 1
     parts: Parts | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -278,6 +280,7 @@ def _row(ladder: Ladder, rung: Rung, yardstick: Yardstick) -> FrontierRow:
         median_seconds=rung.timed.median,
         repeats=rung.timed.repeats,
         parts=_parts(ladder, rung, rung.bins, yardstick),
+        warnings=tuple(rung.timed.result.warnings),
     )
 
 

@@ -139,6 +139,7 @@ def frontier_row(result: Result, reference: Result) -> FrontierRow:
         angle_errors=tuple(map(float, errors.angle)),
         wall_seconds=seconds,
         median_seconds=seconds,
+        warnings=tuple(result.warnings),
     )
 
 

@@ -43,6 +43,8 @@ _PAIRS = 14
 _GRID_FORCES = {"rho": 6, "q": 4}
 # Variables in the result file. While one is put together from the snapshots, it is there twice.
 _SAVED = {"particles": 6, "rho": 5, "q": 4}
+# Grids step aside from a copy to a save time before the end, see `step_control.Aside`: fields and drift.
+_ASIDE = {"particles": 0, "rho": 8, "q": 4}
 _PER_GHOST = 5
 
 
@@ -88,9 +90,11 @@ def _needs(model: type[Model], name: str, setup: Setup) -> list[Need]:
 
 
 def _saved(layout: str, times: int) -> tuple[float, float]:
-    """Numbers an item that are held of its snapshots within the last steps, and at the end."""
+    """Numbers an item that are held within the last steps, and at the end, for its snapshots."""
     variables = _SAVED[layout]
-    return variables * (times - 1.0), variables * times + (times if times > 1 else 0.0)
+    if times == 1:
+        return 0.0, float(variables)
+    return variables * (times - 1.0) + _ASIDE[layout], (variables + 1.0) * times
 
 
 def _particle_needs(model: type[Model], setup: Setup) -> list[Need]:

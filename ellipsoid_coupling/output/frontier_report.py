@@ -32,7 +32,12 @@ _PARTS = {
     "sampling": "sampling",
 }
 _RESOLVED = 3.0
+# Standard errors of eight folds: of equal ensembles the largest over four times exceeds three in 16
+# comparisons of 280, and four in one.
+_OUT_OF_NOISE = 4.0
 CHOICE_COLUMNS = ("error of", "at most", "cheapest", "scheme", "resolution", "seconds", "error")
+_TOLD = "To be known of these runs"
+_TOLD_COLUMNS = ("model", "scheme", "resolution", "")
 _ROW_COLUMNS = ("model", "scheme", "resolution", "density L1", "angle L1", "best s", "median s")
 _LEGEND = """\
 Errors are L1 distances (2 is no overlap at all) on 20 x 20 density bins and 60 angle bins; the largest
@@ -41,7 +46,7 @@ against the yardstick; finite N, likewise for microscopic; sampling, expected fr
 realisations. total <= sum of the parts. +- is the uncertainty of the refined grid solution (how far its
 finest levels still move), or a standard error; above {unresolved:g} the refined solution means little. A
 closure with a question mark is less than three times it: that much may be discretisation still. A finite
-N with a question mark is less than three times its standard error: it is not told from 0, since the
+N with a question mark is less than four times its standard error: it is not told from 0, since the
 largest over the saved times of what is 0 but for noise is above 0.
 """
 
@@ -109,11 +114,11 @@ def is_resolved(row: FrontierRow, kind: Kind) -> bool:
 
 
 def is_told_from_noise(row: FrontierRow, kind: Kind) -> bool:
-    """Whether the finite-N part is larger than three times its own standard error, or has none."""
+    """Whether the finite-N part is larger than four times its own standard error, or has none."""
     found, spread = part_of(row.parts, "finite_n"), part_of(row.parts, "offset_spread")
     if found is None or spread is None:
         return True
-    return _largest(found, kind) > _RESOLVED * _largest(spread, kind)
+    return _largest(found, kind) > _OUT_OF_NOISE * _largest(spread, kind)
 
 
 def _part_numbers(row: FrontierRow, kind: Kind) -> dict[str, float]:
@@ -158,7 +163,19 @@ def frontier_text(frontier: Frontier) -> str:
         columns = ("model", "scheme", "resolution", "best s", "median s", "total", *_PARTS, "+-")
         rows = [_part_row(row, kind) for row in frontier.rows]
         pieces += [f"All runs, {kind}\n", table_text(columns, rows)]
+    told = warning_rows(frontier)
+    if told:
+        pieces += [f"{_TOLD}\n", table_text(_TOLD_COLUMNS, told)]
     return "\n".join(pieces)
+
+
+def warning_rows(frontier: Frontier) -> list[tuple[str, ...]]:
+    """What runs tell; `_TOLD_COLUMNS`. What several of a model and scheme tell alike stands once."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for row in frontier.rows:
+        for line in row.warnings:
+            found.setdefault((row.model, row.scheme, line), []).append(row.resolution)
+    return [(*run, "; ".join(levels), line) for (*run, line), levels in found.items()]
 
 
 def _yardstick_text(frontier: Frontier) -> str:
@@ -221,3 +238,6 @@ def _print_frontier(frontier: Frontier) -> None:
     for model, why in frontier.left_out:
         print_table("Left out", ("model", "why"), [(model, why)])
     print_table("Cheapest, by the largest error", CHOICE_COLUMNS, choice_rows(frontier))
+    told = warning_rows(frontier)
+    if told:
+        print_table(_TOLD, _TOLD_COLUMNS, told)

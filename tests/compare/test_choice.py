@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.compare import FrontierRow, choose, pareto_front, run_frontier
+from ellipsoid_coupling.compare import Frontier, FrontierRow, choose, pareto_front, run_frontier
 from ellipsoid_coupling.compare import frontier as frontier_module
 from ellipsoid_coupling.compare import yardstick as yardstick_module
+from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.ladder import LEVELS, make_ladder
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES
-from ellipsoid_coupling.output.frontier_report import choice_rows, frontier_text
+from ellipsoid_coupling.output.frontier_report import choice_rows, frontier_text, warning_rows
 from ellipsoid_coupling.scenes.files import builtin_scenes
 
 
@@ -57,6 +60,20 @@ def test_ladders_rise_in_cost_and_fill_the_domain(name: str) -> None:
                 cells = scene.domain.width / level.scene.numerics.cell
                 assert abs(cells - round(cells)) < 1e-9
                 assert level.scene.numerics.angle_cells % 4 == 0
+
+
+def test_what_runs_tell_is_reported() -> None:
+    """Once, with the resolutions, where several of a model and scheme tell the same."""
+    crossed = replace(ROWS[0], warnings=("Characteristics crossed at t = 0.5.",))
+    rows = [crossed, replace(crossed, resolution="h = 2"), *ROWS[1:]]
+    scene = ec.load_scene("rotation", {"times": [0.1]})
+    result = ec.Result(scene, "microscopic", "accurate", np.array([0.1]), {}, {}, {})
+    none = Errors(np.zeros(1), np.zeros(1))
+    told = Frontier(rows, result, exact=True, sampling=none, finest={})
+    line = ("slow", "paper", "h = 1; h = 2", "Characteristics crossed at t = 0.5.")
+    assert warning_rows(told) == [line]
+    assert frontier_text(told).count("Characteristics crossed") == 1
+    assert "To be known" not in frontier_text(replace(told, rows=ROWS))
 
 
 def test_a_model_that_refuses_the_scene_is_left_out_and_named(

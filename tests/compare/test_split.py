@@ -13,9 +13,11 @@ from scipy import stats
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare import Frontier, FrontierRow, run_frontier, timing
 from ellipsoid_coupling.compare import yardstick as yardstick_module
+from ellipsoid_coupling.compare.choice import KINDS
 from ellipsoid_coupling.compare.errors import Errors
 from ellipsoid_coupling.compare.split import (
     Bins,
+    Parts,
     bin_result,
     distance,
     expected_l1,
@@ -25,6 +27,7 @@ from ellipsoid_coupling.compare.split import (
     total_error,
 )
 from ellipsoid_coupling.flow import analytic_flow
+from ellipsoid_coupling.output.frontier_report import is_told_from_noise
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
@@ -172,6 +175,36 @@ def test_noise_is_not_taken_for_an_offset() -> None:
     assert apart.density[0] < 0.018
     assert apart.angle[0] < 0.01
     assert 0.0 < spread.density[0] < 0.01
+
+
+def finite_number_row(one: Bins, other: Bins) -> FrontierRow:
+    """A row whose finite-N part is the distance of two ensembles."""
+    found, spread = distance(one, other)
+    parts = Parts(finite_n=found, offset_spread=spread)
+    nothing = (0.0,) * found.density.size
+    return FrontierRow("", "microscopic", "accurate", "", nothing, nothing, 1.0, parts=parts)
+
+
+def at_times(generator: np.random.Generator, masses: Floats, count: int) -> Bins:
+    """Four saved times with independent noise."""
+    parts = [groups(generator, masses, count, 1000) for _ in range(4)]
+    density, angle = (np.concatenate([p[k] for p in parts], axis=1) for k in (0, 1))
+    return Bins(density, angle, 1000)
+
+
+def test_equal_ensembles_are_not_told_apart() -> None:
+    """The largest over the times of estimates that are cut at 0 is above 0, but by less than four of its
+    standard errors but in one comparison of some hundred; an offset of 0.1 is told.
+    """
+    generator = np.random.default_rng(3)
+    told = []
+    for _ in range(20):
+        one, other = (at_times(generator, BASE, 64) for _ in range(2))
+        row = finite_number_row(one, other)
+        told += [is_told_from_noise(row, kind) for kind in KINDS]
+    assert sum(told) <= 1
+    shifted = at_times(generator, BASE + 0.1 * OF_CLOSURE, 64)
+    assert is_told_from_noise(finite_number_row(one, shifted), "density")
 
 
 def test_offsets_between_random_groups_are_found() -> None:

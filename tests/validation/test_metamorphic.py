@@ -25,15 +25,13 @@ Pair = tuple[float, float]
 
 PARTICLES = ("microscopic", "mckean_vlasov")
 GRIDS = ("rho_mono_kinetic", "q_mono_kinetic", "q_maxwellian")
-# Under `accurate` q_maxwellian turns rounding into some per cent of the peak here: left out.
-GRID_RUNS = [
-    (m, s) for m in GRIDS for s in ("paper", "accurate") if (m, s) != ("q_maxwellian", "accurate")
-]
 SCHEMES = ("paper", "accurate")
 each_particle_run = pytest.mark.parametrize(
     ("model", "scheme"), [(m, s) for m in PARTICLES for s in SCHEMES]
 )
-each_grid_run = pytest.mark.parametrize(("model", "scheme"), GRID_RUNS)
+each_grid_run = pytest.mark.parametrize(
+    ("model", "scheme"), [(m, s) for m in GRIDS for s in SCHEMES]
+)
 
 # Not symmetric in any way: strain, shear and rotation at once. Rows of the velocity's gradient.
 GRADIENT = np.array([[0.3, 1.0], [-0.4, -0.3]])
@@ -274,11 +272,16 @@ def test_grids_mirrored(model: str, scheme: str, reflecting: bool) -> None:
 
 @each_grid_run
 def test_grids_turned_by_a_quarter(model: str, scheme: str) -> None:
-    """Sweeps along x come first in both: the splitting error, at h = 1/8 up to 4 % of the peak."""
+    """Sweeps along x come first in both: the splitting error, at h = 1/8 up to 4 % of the peak.
+
+    Under pressure, where the interaction is up to 17 temperatures between two angles, it is 8 %. With x
+    and y in the other order as well it is rounding (1e-13).
+    """
     turn = 0.5 * math.pi
     expected = on_cells(plain(model, scheme), TURN, 1.0, turn)
     found = CASE.mapped(TURN, 1.0, turn).run(model, scheme)
-    require_cells(last(found), expected, 5e-2)
+    stiff = (model, scheme) == ("q_maxwellian", "accurate")
+    require_cells(last(found), expected, 1e-1 if stiff else 5e-2)
 
 
 @each_grid_run

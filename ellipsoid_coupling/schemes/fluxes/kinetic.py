@@ -8,8 +8,8 @@ upwards and what crosses it downwards are half-moments of it (KFVS):
     G(v) a                                                   anything else that is carried
 
 p the unit Gaussian's density and P its integral. Both sums are exact, G(v) - G(-v) = v and
-H(v) + H(-v) = 1 + v^2, so the flux is consistent. Every cell gives, no cell can give more than it
-holds: the density stays positive, vacuum included.
+H(v) + H(-v) = 1 + v^2, so the flux is consistent. Every cell gives, no cell can give all that it
+holds: the density stays positive, and no velocity is made of rounding.
 
 The state at a face is that of an exponential profile on top of the local equilibrium,
 
@@ -49,6 +49,9 @@ ORDER = 2
 # A steeper profile within a cell, from centre to face, is not believed.
 _STEEPEST = 2.0
 _CARRIED_LIMIT = 1.0
+# Of what a cell holds. All of it would leave momentum and a mass of 0 or of rounding, as it happens: the
+# velocity there, and soon all that follows, would be made of rounding.
+_LARGEST_PART = 1.0 - 2.0**-10
 # How fast the flux damps the momentum of a cell against its neighbours', H'(0) - (-H'(0)) = 4 p(0):
 # this takes the place of the speed of sound, 1, in the CFL number.
 SIGNAL = 4.0 / math.sqrt(2.0 * math.pi)
@@ -167,8 +170,8 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
     mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))
     upper, lower = ratio * density * at_top, ratio * density * at_bottom
-    leaving = upper * mass_up + lower * mass_down
-    share = density / leaving if leaving > density else 1.0
+    leaving, most = upper * mass_up + lower * mass_down, _LARGEST_PART * density
+    share = most / leaving if leaving > most else 1.0
     up, down = share * upper * mass_up, share * lower * mass_down
     carried_up, carried_down = each(
         _carried_outflow,

@@ -8,7 +8,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -257,16 +257,6 @@ def test_sigkill_at_random_moments_loses_nothing(model: str, kills: int, tmp_pat
 
 # Each with the exit status of a run that it stops.
 SIGNALS = {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 129}
-
-
-@pytest.fixture
-def obeyed() -> Iterator[Callable[..., Any]]:
-    """All signals end the process, as in a terminal; a shell's background ignores SIGINT."""
-    handler = signal.default_int_handler
-    before = {number: signal.signal(number, handler) for number in SIGNALS}
-    yield handler
-    for number, old in before.items():
-        signal.signal(number, old)
 
 
 @pytest.mark.parametrize(("number", "status"), SIGNALS.items())

@@ -142,9 +142,14 @@ def _give_up_rights() -> None:
     _prctl(_NO_PRIVILEGES, 1)
 
 
+def _heard() -> list[signal.Signals]:
+    """The signals that end a program; what is ignored, as by nohup, stays so."""
+    return [number for number in _ENDING if signal.getsignal(number) != signal.SIG_IGN]
+
+
 def _become(folder: str, command: list[str], told: int) -> NoReturn:
     """The child: build the wall, and become the program; what went wrong is written to `told`."""
-    for number in _ENDING:
+    for number in _heard():
         signal.signal(number, signal.SIG_DFL)
     try:
         if _LINUX:
@@ -214,7 +219,7 @@ def _leave(number: int, _frame: object) -> NoReturn:
 
 def main(parent: int, folder: str, command: list[str]) -> int:
     """Run the command; its exit status, 128 + its signal if one ended it."""
-    for number in _ENDING:
+    for number in _heard():
         signal.signal(number, _leave)
     if _LINUX:
         _prctl(_DEATH_SIGNAL, signal.SIGTERM)

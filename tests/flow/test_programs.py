@@ -169,6 +169,7 @@ def parent(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL])
+@pytest.mark.usefixtures("obeyed")
 def test_children_end_with_their_parent(
     tmp_path: Path, parent: subprocess.Popen[bytes], number: int
 ) -> None:
@@ -190,6 +191,7 @@ def test_children_end_with_their_parent(
     ("number", "processes"),
     [(signal.SIGTERM, 1), (signal.SIGHUP, 2), (signal.SIGKILL, 2)],
 )
+@pytest.mark.usefixtures("obeyed")
 def test_a_killed_command_leaves_neither_solver_nor_folder(
     own_cache: Path, number: int, processes: int
 ) -> None:

@@ -92,6 +92,7 @@ def test_odd_places_are_worked_at_elsewhere(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.usefixtures("obeyed")
 def test_a_signal_unwinds_and_then_ends_as_it_would_have(tmp_path: Path, number: int) -> None:
     script = (
         "import os, sys\nfrom ellipsoid_coupling.flow.scratch import cleaned_up\n"

@@ -29,6 +29,8 @@ from ellipsoid_coupling.flow.foam_patterns import matches
 from ellipsoid_coupling.flow.foam_tokens import Token, after_space
 from ellipsoid_coupling.limits import MOST_DICTIONARY_BYTES, MOST_NAME, MOST_PATCHES
 
+# Of patterns on patches: each takes up to a millisecond.
+_MOST_TRIES = 10_000
 _TYPE = re.compile(r"[A-Za-z_][\w.:-]*", re.ASCII)
 # Patches whose condition follows from the mesh: OpenFOAM needs no entry for them.
 _CONSTRAINTS = ("empty", "symmetry", "symmetryPlane", "wedge", "cyclic", "processor")
@@ -183,9 +185,9 @@ class _Keys(NamedTuple):
         """The part for a patch, as OpenFOAM chooses it: name, last group, last pattern; or none."""
         if patch.name in self.names:
             return self.names[patch.name]
-        for name in reversed(self.names):
-            if name in patch.groups:
-                return self.names[name]
+        of_groups = [self.names[name] for name in patch.groups if name in self.names]
+        if of_groups:
+            return max(of_groups)
         for pattern, place in reversed(self.patterns.items()):
             try:
                 if matches(pattern, patch.name):
@@ -210,6 +212,9 @@ def _on_patches(
     if at < 0:
         raise InputError(str(file.path), "an entry boundaryField", "none", REMEDY)
     keys = _keys(file, at)
+    if len(keys.patterns) * len(patches) > _MOST_TRIES:
+        found = f"{len(keys.patterns)} for {len(patches)} patches"
+        raise file.error(at, "a few patterns in boundaryField", found)
     types: dict[str, str] = {}
     values: dict[str, Array | None] = {}
     for patch in patches:

@@ -217,3 +217,26 @@ def test_an_archive_of_very_many_arrays_is_refused_before_it_is_listed(tmp_path:
     (tmp_path / "flow.npz").write_bytes(memory.getvalue())
     with pytest.raises(InputError, match="at most 10 arrays"):
         FlowField.load(tmp_path / "flow.npz")
+
+
+def test_very_many_patterns_on_very_many_patches_are_refused(case: Path) -> None:
+    """Each is tried on each: a megabyte of them took hours."""
+    boundary, u = case / MESH / "boundary", case / "3.95" / "U"
+    text = boundary.read_text("utf-8")
+    number = re.search(r"\n(\d+)\s*\(", text)
+    last = text.rindex(")")
+    assert number is not None
+    faces = sum(map(int, re.findall(r"nFaces\s+(\d+)", text)))
+    start = min(map(int, re.findall(r"startFace\s+(\d+)", text)))
+    more = "".join(
+        f"more{k} {{ type wall; nFaces 0; startFace {start + faces}; }}\n" for k in range(200)
+    )
+    text = text[:last] + more + text[last:]
+    boundary.write_text(text.replace(number[0], f"\n{int(number[1]) + 200}\n(", 1), "utf-8")
+    patterns = "".join(f'"x{k}.*" {{ type noSlip; }}\n' for k in range(60))
+    fields = u.read_text("utf-8")
+    opening = re.search(r"boundaryField\s*\{", fields)
+    assert opening is not None
+    u.write_text(fields.replace(opening[0], opening[0] + patterns, 1), "utf-8")
+    with pytest.raises(InputError, match=r"60 for 20\d patches"):
+        read_case(case)

@@ -373,7 +373,9 @@ def test_results_of_every_layout_are_read_back(layout: Layout, tmp_path: Path) -
     shape = tuple(sizes[name] for name in DIMENSIONS[layout])
     count = int(np.prod(shape))
     names = (*VARIABLES[layout], *MARKS[layout])
-    values = {name: np.arange(count).reshape(shape) + 0.1 * k for k, name in enumerate(names)}
+    values = {
+        name: np.arange(float(count)).reshape(shape) + 0.1 * k for k, name in enumerate(names)
+    }
     axes = [] if layout == "particles" else DIMENSIONS[layout][1:]
     coordinates = {name: np.arange(float(sizes[name])) for name in axes}
     attributes = {"status": "completed", "seed": 2**62, "mass_end": 1e-300, "warnings": "a, \u00e9"}

@@ -22,7 +22,7 @@ import pytest
 import xarray as xr
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import DIMENSIONS, MARKS, VARIABLES, Layout, Result
 from ellipsoid_coupling.scenes import load_scene, scene_to_toml
 from ellipsoid_coupling.seal import sealed
 from tests.robustness.conftest import within_limits
@@ -363,3 +363,26 @@ except WriteError as error:
     assert "could not be written: File too large" in done.stdout
     assert (tmp_path / "result.nc").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["result.nc"]
+
+
+@pytest.mark.parametrize("layout", ["particles", "rho", "q"])
+def test_results_of_every_layout_are_read_back(layout: Layout, tmp_path: Path) -> None:
+    scene = small_result().scene
+    sizes = {"time": len(scene.times), "realisation": 2, "particle": 3, "angle": 4, "y": 5, "x": 6}
+    shape = tuple(sizes[name] for name in DIMENSIONS[layout])
+    count = int(np.prod(shape))
+    names = (*VARIABLES[layout], *MARKS[layout])
+    values = {
+        name: np.arange(float(count)).reshape(shape) + 0.1 * k for k, name in enumerate(names)
+    }
+    axes = [] if layout == "particles" else DIMENSIONS[layout][1:]
+    coordinates = {name: np.arange(float(sizes[name])) for name in axes}
+    attributes = {"status": "completed", "seed": 2**62, "mass_end": 1e-300, "warnings": "a, \u00e9"}
+    times = np.array(scene.times)
+    made = Result(scene, "a", "accurate", layout, times, values, coordinates, attributes)
+    made.save(tmp_path / "result.nc")
+    read = Result.load(tmp_path / "result.nc")
+    assert (read.layout, read.attributes) == (layout, attributes)
+    for one, other in ((read.variables, values), (read.coordinates, coordinates)):
+        assert one.keys() == other.keys()
+        assert all(one[name].tobytes() == array.tobytes() for name, array in other.items())

@@ -67,7 +67,7 @@ def test_what_runs_tell_is_reported() -> None:
     crossed = replace(ROWS[0], warnings=("Characteristics crossed at t = 0.5.",))
     rows = [crossed, replace(crossed, resolution="h = 2"), *ROWS[1:]]
     scene = ec.load_scene("rotation", {"times": [0.1]})
-    result = ec.Result(scene, "microscopic", "accurate", np.array([0.1]), {}, {}, {})
+    result = ec.Result(scene, "microscopic", "accurate", "particles", np.array([0.1]), {}, {})
     none = Errors(np.zeros(1), np.zeros(1))
     told = Frontier(rows, result, exact=True, sampling=none, finest={})
     line = ("slow", "paper", "h = 1; h = 2", "Characteristics crossed at t = 0.5.")

@@ -36,6 +36,21 @@ def test_scenes_on_one_domain_are_compared(rho_result: Result, tmp_path: Path) -
     assert len(names) == 5
 
 
+def test_other_domains_of_a_scene_have_pictures_of_their_own(
+    rho_result: Result, tmp_path: Path
+) -> None:
+    """One panel grid has one pair of axes; the second domain would be drawn in the first's limits."""
+    scene = rho_result.scene
+    domain = scene.domain.model_copy(update={"x": (-1.0, 0.0)})
+    moved = replace(rho_result, scene=scene.model_copy(update={"domain": domain}))
+    assert [path.name for path in draw_all([rho_result, moved, rho_result], tmp_path)] == [
+        "density_cavity.png",
+        "angles_cavity.png",
+        "density_cavity.2.png",
+        "angles_cavity.2.png",
+    ]
+
+
 @pytest.mark.parametrize("keep", [0, 1])
 def test_failed_runs_show_what_they_reached(rho_result: Result, tmp_path: Path, keep: int) -> None:
     variables = {name: values[:keep] for name, values in rho_result.variables.items()}

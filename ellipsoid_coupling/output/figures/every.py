@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,16 +50,23 @@ def draw_all(
     scenes: dict[tuple[str, Domain], Group] = {}
     for result, own in zip(results, flows, strict=True):
         if result.times.size:
-            name, domain = result.scene.name, result.scene.domain
-            number = 1 + sum(known == name for known, _ in scenes)
-            new = Group(name if number == 1 else f"{name}.{number}", [], [])
-            group = scenes.setdefault((name, domain), new)
+            key = result.scene.name, result.scene.domain
+            if key not in scenes:
+                taken = {group.name for group in scenes.values()}
+                scenes[key] = Group(_free_name(result.scene.name, taken), [], [])
+            group = scenes[key]
             group.results.append(result)
             group.flows.append(own if result.scene.flow else None)
     paths = []
     for group in scenes.values():
         paths += _draw_scene(group, folder)
     return paths + _draw_comparisons(list(scenes.values()), folder)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """`name`, or the first of `name`.2, `name`.3, ... that is not taken."""
+    names = itertools.chain([name], (f"{name}.{number}" for number in itertools.count(2)))
+    return next(free for free in names if free not in taken)
 
 
 def _draw_scene(group: Group, folder: Path) -> list[Path]:

@@ -43,12 +43,14 @@ def test_other_domains_of_a_scene_have_pictures_of_their_own(
     scene = rho_result.scene
     domain = scene.domain.model_copy(update={"x": (-1.0, 0.0)})
     moved = replace(rho_result, scene=scene.model_copy(update={"domain": domain}))
-    assert [path.name for path in draw_all([rho_result, moved, rho_result], tmp_path)] == [
+    named_so = replace(rho_result, scene=moved.scene.model_copy(update={"name": "cavity.2"}))
+    paths = draw_all([rho_result, moved, rho_result, named_so], tmp_path)
+    assert [path.name for path in paths][:6:2] == [
         "density_cavity.png",
-        "angles_cavity.png",
         "density_cavity.2.png",
-        "angles_cavity.2.png",
+        "density_cavity.2.2.png",
     ]
+    assert len(set(paths)) == len(paths)
 
 
 @pytest.mark.parametrize("keep", [0, 1])

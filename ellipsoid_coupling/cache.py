@@ -23,12 +23,13 @@ class CacheWarning(UserWarning):
 def cache_home() -> Path:
     """The folder for everything that can be made again: compiled kernels and solved flows.
 
-    ``ELLIPSOID_CACHE`` where set, else ``XDG_CACHE_HOME``/ellipsoid_coupling, else the same below
-    ``~/.cache``. Whether it can be written is another question.
+    ``ELLIPSOID_CACHE`` where set (a ``~`` that no shell has replaced is the home), else
+    ``XDG_CACHE_HOME``/ellipsoid_coupling, else the same below ``~/.cache``. Whether it can be written
+    is another question.
     """
     named = os.environ.get("ELLIPSOID_CACHE")
     if named:
-        return Path(named).absolute()
+        return Path(os.path.expanduser(named)).absolute()  # noqa: PTH111
     base = os.environ.get("XDG_CACHE_HOME")
     if base:
         return Path(base).absolute() / "ellipsoid_coupling"

@@ -7,13 +7,20 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import ClassVar
 
 # SIGHUP is what a lost connection sends; nohup ignores it, and so do we then.
 _CAUGHT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class Interruption:
-    """Which signal has asked the run to end: `signal` is 0 as long as none has."""
+    """Which signal has asked the run to end: `signal` is 0 as long as none has.
+
+    `pending` is the one that a run of this program has noted and not yet obeyed: a step whose kernels
+    are being compiled may take minutes, in which a user wants to know that the signal was seen.
+    """
+
+    pending: ClassVar[int] = 0
 
     def __init__(self) -> None:
         self.signal = 0
@@ -22,7 +29,16 @@ class Interruption:
         """Remember a signal; whoever presses Ctrl-C twice does not want to wait."""
         if self.signal == signal.SIGINT == number:
             raise KeyboardInterrupt
-        self.signal = number
+        self.signal = Interruption.pending = number
+
+
+def stopping() -> str:
+    """In words that a signal was noted and is obeyed after the step in hand; "" if none was."""
+    number = Interruption.pending
+    if not number:
+        return ""
+    again = ", Ctrl-C again: at once" if number == signal.SIGINT else ""
+    return f"stopping for {signal.Signals(number).name} after this step{again}: "
 
 
 @contextmanager
@@ -41,5 +57,6 @@ def noticed() -> Iterator[Interruption]:
     try:
         yield asked
     finally:
+        Interruption.pending = 0
         for number, handler in before.items():
             signal.signal(number, handler)

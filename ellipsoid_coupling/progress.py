@@ -22,6 +22,7 @@ from rich.progress import (
 )
 
 from ellipsoid_coupling.compiling import listening
+from ellipsoid_coupling.interruption import stopping
 
 # Seconds between two looks whether a line is due in a log, and the most that it stays silent: while
 # something is being done, and before anything is.
@@ -187,8 +188,9 @@ class ProgressReporter:
 
     def _status(self) -> str:
         if self._compiling > 0:
-            return f"{self._stage}: compiling, {self._compiled} kernels so far (kept for next time)"
-        return self._stage
+            kernels = f"{self._compiled} kernels so far (kept for next time)"
+            return f"{stopping()}{self._stage}: compiling, {kernels}"
+        return stopping() + self._stage
 
     def _line(self) -> None:
         now = self._clock()
@@ -198,5 +200,5 @@ class ProgressReporter:
             line = f"{self._status()}, {now - self._began:.0f} s"
         else:
             left = f", {spent * (1.0 - part) / part:.0f} s left" if 0.0 < part < 1.0 else ""
-            line = f"{self._stage}: {100 * part:.0f} %{left}"
+            line = f"{self._status()}: {100 * part:.0f} %{left}"
         _write(line)

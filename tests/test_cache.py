@@ -43,6 +43,15 @@ def test_a_cache_that_can_be_written_is_used(
     assert not list(kernel_folder("abc").iterdir())
 
 
+def test_a_tilde_that_no_shell_replaced_is_the_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an env file or a container's settings leave it: else a folder "~" appears in each place."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("ELLIPSOID_CACHE", "~/my cache")
+    assert cache_home() == tmp_path / "my cache"
+
+
 def test_one_that_cannot_is_told_and_replaced(not_writable: Path) -> None:
     with pytest.warns(CacheWarning, match=r"cannot be written.*ELLIPSOID_CACHE") as told:
         folder = kernel_folder("abc")

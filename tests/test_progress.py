@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -12,6 +14,7 @@ import pytest
 
 from ellipsoid_coupling import progress
 from ellipsoid_coupling.compiling import announce
+from ellipsoid_coupling.interruption import noticed, stopping
 from ellipsoid_coupling.progress import ProgressReporter, Waiting
 
 Lines = Callable[[], list[str]]
@@ -63,6 +66,25 @@ def test_the_first_kernel_is_told_at_once_and_the_others_are_counted(
     announce("after the end")
     announce(None)
     assert lines() == []
+
+
+def test_a_signal_that_waits_for_the_step_in_hand_is_told(clock: Clock, lines: Lines) -> None:
+    """A step whose kernels are being compiled takes minutes, and Ctrl-C seems to do nothing."""
+    with ProgressReporter("run", clock) as report, noticed():
+        lines()
+        announce("kernel")
+        lines()
+        os.kill(os.getpid(), signal.SIGTERM)
+        clock.now += 2.0
+        report.beat()
+        (line,) = lines()
+        assert line.startswith("stopping for SIGTERM after this step: run: compiling, 0 kernels")
+        announce(None)
+        os.kill(os.getpid(), signal.SIGINT)
+        clock.now += 2.0
+        report.beat()
+        assert lines() == ["stopping for SIGINT after this step, Ctrl-C again: at once: run: 0 %"]
+    assert stopping() == ""
 
 
 def test_no_two_seconds_without_a_line_in_twenty_minutes(clock: Clock, lines: Lines) -> None:

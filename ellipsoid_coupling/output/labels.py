@@ -31,12 +31,13 @@ def literal(text: str) -> str:
 
 
 def result_labels(results: Sequence[Result]) -> list[str]:
-    """One label a result: the model; scheme, resolution, scene, seed, number where labels repeat."""
+    """One label a result: the model; scheme, resolution, scene, flow, seed, number where labels repeat."""
     labels = [model_name(result.model) for result in results]
     additions = [
         [result.scheme for result in results],
         [str(result.attributes.get("resolution", "")) for result in results],
         [result.scene.name for result in results],
+        flow_numbers(results),
         [f"seed {result.attributes.get('seed', '?')}" for result in results],
     ]
     for addition in additions:
@@ -50,6 +51,13 @@ def result_labels(results: Sequence[Result]) -> list[str]:
     numbered = enumerate(labels, 1)
     numbers = [f", run {k}" if counts[label] > 1 else "" for k, label in numbered]
     return [literal(label) + number for label, number in zip(labels, numbers, strict=True)]
+
+
+def flow_numbers(results: Sequence[Result]) -> list[str]:
+    """Per result "flow 1", "flow 2", ...: different flows in the order in which they first occur."""
+    digests = [str(result.attributes.get("flow_digest", "none")) for result in results]
+    order = list(dict.fromkeys(digests))
+    return [f"flow {1 + order.index(digest)}" for digest in digests]
 
 
 def print_warnings(results: Sequence[Result]) -> None:

@@ -222,15 +222,22 @@ def _apply(table: Table, key: str, value: object) -> None:
 def _input_error(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     """The first mistake of `error` in words; a user mends one at a time."""
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"]) or "the whole"
-    place, found = f"{where}, key {key}", _quoted(first["input"])
+    key = ".".join(str(part) for part in first["loc"])
+    place, found = f"{where}, key {key}" if key else where, _quoted(first["input"])
     if first["type"] == "extra_forbidden":
         known = ", ".join(_known_keys(model, [str(part) for part in first["loc"][:-1]]))
         return InputError(place, f"one of {known}", "an unknown key", "Remove or rename it.")
     if first["type"] == "missing":
         return InputError(place, "a value", "none", "Add the key.")
     if isinstance(first["input"], dict):
-        found = "these values together"
+        found = "values that do not fit together"
+    if first["type"] in ("too_long", "too_short"):
+        bounds = first["ctx"]
+        number = bounds.get("max_length") or bounds.get("min_length")
+        way = "at most" if "max_length" in bounds else "at least"
+        return InputError(place, f"{way} {number} in brackets", found, "Change the value.")
+    if first["type"] == "tuple_type":
+        return InputError(place, "values in brackets, [a, b]", found, "Change the value.")
     expected = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     return InputError(place, expected, found, "Change the value.")
 

@@ -6,7 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from ellipsoid_coupling.output.labels import model_name, print_warnings, result_labels
+from ellipsoid_coupling.output.labels import (
+    flow_numbers,
+    model_name,
+    print_warnings,
+    result_labels,
+)
 from ellipsoid_coupling.result import Result
 
 
@@ -30,6 +35,15 @@ def test_repeated_labels_grow_by_what_differs(particle_result: Result, rho_resul
 def test_what_all_share_is_left_out(rho_result: Result) -> None:
     seeds = [replace(rho_result, attributes=rho_result.attributes | {"seed": s}) for s in (1, 2)]
     assert result_labels(seeds) == ["rho, mono-kinetic, seed 1", "rho, mono-kinetic, seed 2"]
+
+
+def test_runs_of_one_scene_are_told_apart_by_their_flows(rho_result: Result) -> None:
+    runs = [
+        replace(rho_result, attributes=rho_result.attributes | {"flow_digest": digest})
+        for digest in ("b", "a", "b")
+    ]
+    assert flow_numbers(runs) == ["flow 1", "flow 2", "flow 1"]
+    assert result_labels(runs[:2]) == ["rho, mono-kinetic, flow 1", "rho, mono-kinetic, flow 2"]
 
 
 def test_what_nothing_tells_apart_is_numbered(particle_result: Result, rho_result: Result) -> None:

@@ -185,3 +185,25 @@ def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path: Path) -> None:
 def test_one_time_is_a_list_of_it() -> None:
     assert load_scene("rotation", {"times": 0.5}).times == (0.5,)
     assert load_scene("rotation", {"times": 2}).times == (2.0,)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        (
+            "domain.x",
+            [0, 1, 2],
+            r"key domain\.x: expected at most 2 in brackets, found \[0, 1, 2\]",
+        ),
+        ("domain.x", 3, r"key domain\.x: expected values in brackets, \[a, b\], found 3"),
+        ("times", [], r"key times: expected at least 1 in brackets, found \[\]"),
+        (
+            "times",
+            [1, 0.5],
+            "scene rotation: expected increasing times, found values that do not fit",
+        ),
+    ],
+)
+def test_lists_are_refused_in_the_users_words(key: str, value: object, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        load_scene("rotation", {key: value})

@@ -75,15 +75,16 @@ def angle_figure(results: Sequence[Result], bins: int = 60, title: str = "") -> 
     for time, panel in zip(times, axes, strict=True):
         _finish(panel, time, cut)
     axes[0].set_ylabel("probability density")
-    # The first panel may lack a run that started late in time; the handles come from all panels.
+    # A panel may lack runs that did not save its time: the handles come from all, in the runs' order.
     handles = {
         label: handle
         for panel in axes
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
+    labels = [label for label in result_labels(reached) if label in handles]
     figure.legend(
-        list(handles.values()),
-        list(handles),
+        [handles[label] for label in labels],
+        labels,
         loc="outside lower center",
         ncols=columns,
         handlelength=3.5,

@@ -50,6 +50,7 @@ class DensityRow(NamedTuple):
     density : (T, ny, nx) float64, axis order (time, y, x), per unit of area
     extent : (x_low, x_high, y_low, y_high)
     noisy : its peaks are chance and must not set the colours, if there are other rows
+    asked : the times that the run was to save
     """
 
     label: str
@@ -57,6 +58,7 @@ class DensityRow(NamedTuple):
     density: Floats
     extent: Extent
     noisy: bool = False
+    asked: tuple[float, ...] = ()
 
 
 def density_rows(
@@ -76,20 +78,22 @@ def density_rows(
     histograms : False leaves the bare histograms out
     """
     reached = [result for result in results if result.times.size]
-    rows = []
+    rows: list[DensityRow] = []
     for label, result in zip(result_labels(reached), reached, strict=True):
-        extent = (*result.scene.domain.x, *result.scene.domain.y)
+        scene = result.scene
+        row = DensityRow(
+            label, result.times, np.empty(0), (*scene.domain.x, *scene.domain.y), asked=scene.times
+        )
         if result.layout != "particles":
-            rows.append(DensityRow(label, result.times, result.cell_density(), extent))
+            rows.append(row._replace(density=result.cell_density()))
             continue
         histogram = result.density(cells)
         smooth = gaussian_filter(histogram, (0.0, smoothing, smoothing), mode="reflect")
         if histograms:
             noisy = result.variables["x"][0].size < FEW * np.count_nonzero(histogram, (1, 2)).max()
-            rows.append(
-                DensityRow(f"{label}\nhistogram", result.times, histogram, extent, bool(noisy))
-            )
-        rows.append(DensityRow(f"{label}\nsmoothed", result.times, smooth, extent))
+            bare = row._replace(label=f"{label}\nhistogram", density=histogram, noisy=bool(noisy))
+            rows.append(bare)
+        rows.append(row._replace(label=f"{label}\nsmoothed", density=smooth))
     return rows
 
 
@@ -141,7 +145,7 @@ def density_figure(
 def _draw_panels(
     shown: Sequence[tuple[DensityRow, float, Axes]], maximum: float | None, power: float
 ) -> list[AxesImage]:
-    """Panels that are compared, in one colour scale; a time that a run did not reach is said."""
+    """Panels that are compared, in one colour scale; a time that a run did not reach, or save, is said."""
     found = []
     for row, time, axes in shown:
         show_domain(axes, row.extent)
@@ -149,7 +153,8 @@ def _draw_panels(
         if index.size:
             found.append((row, row.density[index[0]], axes))
         else:
-            axes.text(0.5, 0.5, "not reached", ha="center", va="center", transform=axes.transAxes)
+            told = "not reached" if np.isclose(row.asked, time).any() else "not saved"
+            axes.text(0.5, 0.5, told, ha="center", va="center", transform=axes.transAxes)
     calm = [density for row, density, _ in found if not row.noisy]
     top = maximum or common_maximum(calm or [density for _, density, _ in found])
     return [

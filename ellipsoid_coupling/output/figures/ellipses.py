@@ -61,9 +61,10 @@ def ellipse_figure(
         gone = result.frozen
         left = np.zeros(number, np.bool_) if gone is None else gone[i, realisation]
         _add_ellipses(panel, result, (i, realisation), chosen[~left[chosen]])
+        _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
         if flow is not None:
             add_arrows(panel, flow, extent, colour="0.8", count=16)
-        told = f"\n{left.sum()} have left the flow" if left.any() else ""
+        told = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
         panel.set(xlabel="x", title=f"{time_title(time)}{told}")
     axes[0].set_ylabel("y")
     part = f"{chosen.size} of " if chosen.size < number else ""
@@ -73,17 +74,21 @@ def ellipse_figure(
 
 
 def _add_ellipses(
-    axes: Axes, result: Result, where: tuple[int, int], chosen: NDArray[np.int64]
+    axes: Axes,
+    result: Result,
+    where: tuple[int, int],
+    chosen: NDArray[np.int64],
+    filled: bool = True,
 ) -> None:
-    """The chosen particles at `where`, (time, realisation)."""
+    """The chosen particles at `where`, (time, realisation); only their outlines if not `filled`."""
     x, y, angle = (result.variables[name][where][chosen] for name in ("x", "y", "angle"))
     size = (result.scene.particles.length, result.scene.particles.width)
     style = line_style(result.model)
     ellipses = PolyCollection(
         list(ellipse_outlines(x, y, angle, size)),
-        facecolors=style.colour,
-        edgecolors="black",
-        linewidths=0.3,
+        facecolors=style.colour if filled else "none",
+        edgecolors="black" if filled else "0.4",
+        linewidths=0.3 if filled else 0.6,
         alpha=0.6,
     )
     axes.add_collection(ellipses, autolim=False)
@@ -115,7 +120,8 @@ def draw_ellipses(
 ) -> Path:
     """Ellipses of full length L and full width D, one panel a saved time.
 
-    Particles that have left the flow's mesh are not shown; the panel says how many.
+    Of particles that have left the flow's mesh, beyond an outlet or into a solid, the outline stands
+    where they did; the panel says how many.
 
     Parameters
     ----------

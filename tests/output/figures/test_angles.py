@@ -57,3 +57,14 @@ def test_results_without_times_are_left_out(rho_result: Result, tmp_path: Path) 
     assert len(angle_figure([rho_result, failed]).axes[0].lines) == 1
     with pytest.raises(InputError, match="saved time"):
         draw_angles([failed], tmp_path / "angles.png")
+
+
+def test_the_legend_names_runs_in_their_order(rho_result: Result) -> None:
+    """The first panel may lack the first run: what it has must not come first for that."""
+    variables = {name: values[1:] for name, values in rho_result.variables.items()}
+    late = replace(rho_result, scheme="paper", times=rho_result.times[1:], variables=variables)
+    legend = angle_figure([late, rho_result]).legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "rho, mono-kinetic, paper",
+        "rho, mono-kinetic, accurate",
+    ]

@@ -90,6 +90,16 @@ def test_a_time_that_was_not_reached_is_said(rho_result: Result) -> None:
     assert texts == ["not reached"]
 
 
+def test_a_time_that_was_not_asked_for_is_not_called_unreached(rho_result: Result) -> None:
+    variables = {name: values[:1] for name, values in rho_result.variables.items()}
+    times = rho_result.times[:1]
+    scene = rho_result.scene.model_copy(update={"times": (float(times[0]),)})
+    short = replace(rho_result, scheme="paper", scene=scene, times=times, variables=variables)
+    figure = density_figure(density_rows([rho_result, short]))
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert texts == ["not saved"]
+
+
 def test_empty_density_and_single_time() -> None:
     row = DensityRow("nothing", np.array([1.0]), np.zeros((1, 4, 4)), (0.0, 1.0, 0.0, 1.0))
     assert density_figure([row]).axes[0].images[0].get_clim() == (0.0, 1.0)

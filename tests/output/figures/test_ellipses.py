@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures import draw_ellipses
 from ellipsoid_coupling.output.figures.ellipses import ellipse_figure, thinned
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import FROZEN, Result
 
 
 def test_ellipses_of_the_realisation_at_each_time(
@@ -28,6 +29,20 @@ def test_ellipses_of_the_realisation_at_each_time(
         assert axes.get_aspect() == 1.0
     path = draw_ellipses(particle_result, tmp_path / "ellipses.png", flow=lid_flow)
     assert path.stat().st_size > 1000
+
+
+def test_of_frozen_particles_the_outline_stands_where_they_left(particle_result: Result) -> None:
+    marks = np.zeros((2, 3, 30))
+    marks[1, 0, :4] = 1.0
+    result = replace(particle_result, variables=particle_result.variables | {FROZEN: marks})
+    axes = ellipse_figure(result).axes[1]
+    filled, outlines = (c for c in axes.collections if isinstance(c, PolyCollection))
+    assert len(filled.get_paths()) == 26
+    assert len(outlines.get_paths()) == 4
+    assert not len(outlines.get_facecolor())
+    centre = np.asarray(outlines.get_paths()[0].vertices)[:-1].mean(axis=0)
+    np.testing.assert_allclose(centre, [result.variables[name][1, 0, 0] for name in "xy"])
+    assert "4 have left the flow" in axes.get_title()
 
 
 def test_title_says_how_many_are_shown(particle_result: Result) -> None:

@@ -36,6 +36,23 @@ def test_scenes_on_one_domain_are_compared(rho_result: Result, tmp_path: Path) -
     assert len(names) == 5
 
 
+def test_other_domains_of_a_scene_have_pictures_of_their_own(
+    rho_result: Result, tmp_path: Path
+) -> None:
+    """One panel grid has one pair of axes; the second domain would be drawn in the first's limits."""
+    scene = rho_result.scene
+    domain = scene.domain.model_copy(update={"x": (-1.0, 0.0)})
+    moved = replace(rho_result, scene=scene.model_copy(update={"domain": domain}))
+    named_so = replace(rho_result, scene=moved.scene.model_copy(update={"name": "cavity.2"}))
+    paths = draw_all([rho_result, moved, rho_result, named_so], tmp_path)
+    assert [path.name for path in paths][:6:2] == [
+        "density_cavity.png",
+        "density_cavity.2.png",
+        "density_cavity.2.2.png",
+    ]
+    assert len(set(paths)) == len(paths)
+
+
 @pytest.mark.parametrize("keep", [0, 1])
 def test_failed_runs_show_what_they_reached(rho_result: Result, tmp_path: Path, keep: int) -> None:
     variables = {name: values[:keep] for name, values in rho_result.variables.items()}

@@ -164,8 +164,8 @@ class BalancedHeun:
             return
         for d, axis in enumerate(self._system.axes):
             # Of all periods only the angle's is real: nothing reaches over the ends of x and y.
-            beyond = {"append": potential[:1]} if axis == -3 else {}
-            rise = np.abs(np.diff(potential, axis=axis, **beyond)).max(initial=0.0)
+            closed = np.concatenate((potential, potential[:1])) if axis == -3 else potential
+            rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
     def _step_along(self, axis: int, potential: Floats | None, before: Floats, dt: float) -> None:

@@ -176,7 +176,7 @@ class Result:
         data = self._file_dataset()
         if self.layout != "particles":
             return data
-        return data.rename_vars({name: f"particle_{name}" for name in VARIABLES["particles"]})
+        return data.rename_vars({name: f"particle_{name}" for name in self.variables})
 
     def _file_dataset(self) -> xr.Dataset:
         """With the names of result.nc."""

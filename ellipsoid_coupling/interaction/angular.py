@@ -90,7 +90,9 @@ def angular_series(
 
     def error(harmonics: int) -> float:
         part = _expand(shape, h * np.sqrt(squares[few]), harmonics, entries, True)
-        return float(np.max((offsets[few] @ part.misses) / (offsets[few] @ part.peaks)))
+        norms, errors = offsets[few] @ part.peaks, offsets[few] @ part.misses
+        # Where no cell but a particle's own is within reach, there is nothing to miss.
+        return float(np.max(errors / np.where(norms > 0.0, norms, 1.0)))
 
     harmonics = _first_within(error, tolerance, most)
     while harmonics <= most:

@@ -19,8 +19,8 @@ from ellipsoid_coupling.models.memory import peak_memory
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import terms_of
 
-# Runs each [scene, model, scheme, large settings, small settings] of its input twice: small, so that
-# kernels and libraries are there, and large, with a folder, from a fresh mark of the peak.
+# Runs each [scene, model, scheme, settings] of its input twice, with a folder: so that kernels (some are
+# for many particles only) and libraries are there, and again from a fresh mark of the peak.
 MEASURE = """
 import ctypes, gc, json, pathlib, re, sys, tempfile
 import ellipsoid_coupling as ec
@@ -32,15 +32,15 @@ def taken(key):
     status = pathlib.Path("/proc/self/status").read_text()
     return 1024 * int(re.search(key + r":\\s+(\\d+)", status)[1])
 
-for scene, model, scheme, large, small in json.load(sys.stdin):
+for scene, model, scheme, settings in json.load(sys.stdin):
     with tempfile.TemporaryDirectory() as folder:
         place = pathlib.Path(folder)
-        ec.simulate(ec.load_scene(scene, large | small), model, scheme, folder=place / "small")
+        ec.simulate(ec.load_scene(scene, settings), model, scheme, folder=place / "first")
         gc.collect()
         ctypes.CDLL(None).malloc_trim(0)
         pathlib.Path("/proc/self/clear_refs").write_text("5")
-        before, made = taken("VmRSS"), ec.load_scene(scene, large)
-        ec.simulate(made, model, scheme, folder=place / "large")
+        before, made = taken("VmRSS"), ec.load_scene(scene, settings)
+        ec.simulate(made, model, scheme, folder=place / "second")
         peak = taken("VmHWM") - before
     setup = Setup(made, terms_of(made, model), scheme, None, 0, made.particles.realisations)
     told = peak_memory(_classes()[model], model, setup) - _LIBRARIES
@@ -56,11 +56,6 @@ FULL: dict[str, Any] = {"start.x": [-1.5, 1.5], "start.y": [-1.5, 1.5]}
 RHO = FULL | {"numerics.cell": 0.005}
 Q = FULL | {"numerics.cell": 0.03, "numerics.angle_cells": 40}
 SIZES: dict[str, dict[str, Any]] = {"particles": PARTICLES, "rho": RHO, "q": Q}
-SMALL: dict[str, dict[str, Any]] = {
-    "particles": {"particles.number": 20, "particles.realisations": 2},
-    "rho": {"numerics.cell": 0.1},
-    "q": {"numerics.cell": 0.1, "numerics.angle_cells": 8},
-}
 needs_proc = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="the system keeps no peak of memory"
 )
@@ -76,7 +71,7 @@ def measured(model: str, scheme: str, **more: Any) -> list[Any]:
     if scene == "stationary":
         size = {"numerics.cell": 0.1, "numerics.angle_cells": 40}
     settings = size | {"times": [0.002, 0.004], "interaction": None} | more
-    return [scene, model, scheme, settings, SMALL[layout]]
+    return [scene, model, scheme, settings]
 
 
 def require_close(runs: list[list[Any]]) -> None:

@@ -262,7 +262,7 @@ def test_figures_draw_each_run_s_own_flow(
     assert status_of("figures", str(fast), str(slow), "--out", str(tmp_path / "figures")) == 0
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert {"flow_cavity_free.png", "flow_cavity_free_2.png"} <= names
-    ellipses = {f"ellipses_cavity_free_microscopic_run_{k}.png" for k in (1, 2)}
+    ellipses = {f"ellipses_cavity_free_microscopic_flow_{k}.png" for k in (1, 2)}
     assert ellipses <= names
     capsys.readouterr()
     assert status_of("compare", str(fast), str(slow), "--out", str(tmp_path / "c")) == 2

@@ -97,15 +97,18 @@ def _loopback() -> None:
         fcntl.ioctl(any_socket, _SET_FLAGS, struct.pack("16sh22x", b"lo", flags | _UP))
 
 
-def _build_wall(folder: str, program: str) -> None:
-    """Namespaces in which nothing but `folder` and an empty /tmp can be written."""
+def _build_wall(folder: str, program: list[str]) -> None:
+    """Namespaces in which nothing but `folder` and an empty /tmp can be written.
+
+    program : its names, as it is called and where a link leads
+    """
     _new_namespaces()
     _loopback()
     _mount("none", "/", None, _RECURSIVE | _SLAVE)
     inside = os.open(folder, os.O_PATH | os.O_DIRECTORY)
     devices = {name: os.open(f"/dev/{name}", os.O_PATH) for name in _DEVICES}
     # What holds programs or libraries stays.
-    needed = [program, *(part for key in _PATHS for part in os.environ.get(key, "").split(":"))]
+    needed = [*program, *(part for key in _PATHS for part in os.environ.get(key, "").split(":"))]
     hidden = [
         path for path in _HIDDEN
         if Path(path).is_dir() and not any(part.startswith(f"{path}/") for part in needed)
@@ -155,8 +158,8 @@ def _become(folder: str, command: list[str], told: int) -> NoReturn:
         if _LINUX:
             _prctl(_DEATH_SIGNAL, signal.SIGKILL)
         if folder != NO_FOLDER:
-            program = str(Path(shutil.which(command[0]) or command[0]).resolve())
-            _build_wall(str(Path(folder).resolve()), program)
+            program = Path(shutil.which(command[0]) or command[0]).absolute()
+            _build_wall(str(Path(folder).resolve()), [str(program), str(program.resolve())])
     except (OSError, AttributeError) as error:
         os.write(told, str(error).encode(errors="replace"))
         os._exit(0)

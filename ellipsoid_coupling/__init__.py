@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     )
     from ellipsoid_coupling.flow import FlowField
     from ellipsoid_coupling.result import Result
-    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
     from ellipsoid_coupling.simulation import simulate
+    from ellipsoid_coupling.storage.run_folder import RunFolder
 
 __version__ = "0.1.0"
 
@@ -49,9 +49,9 @@ _HOMES = {
     "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
     "flow": ("FlowField",),
     "result": ("Result",),
-    "run_folder": ("RunFolder",),
     "scenes": ("Scene", "builtin_scenes", "load_scene"),
     "simulation": ("simulate",),
+    "storage.run_folder": ("RunFolder",),
 }
 
 

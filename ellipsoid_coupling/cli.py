@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from ellipsoid_coupling.compiled.threading_layer import check_environment
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
-from ellipsoid_coupling.inputs import exists
+from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.options import (
     FlowChoice,
     Keeping,
@@ -22,10 +23,9 @@ from ellipsoid_coupling.options import (
     Settings,
     Whole,
 )
+from ellipsoid_coupling.output.progress import ProgressReporter, Waiting
+from ellipsoid_coupling.output.streams import drop, open_streams, tell, warn_in_one_line
 from ellipsoid_coupling.output.tables import PipedConsole, print_table
-from ellipsoid_coupling.progress import ProgressReporter, Waiting
-from ellipsoid_coupling.streams import drop, open_streams, tell, warn_in_one_line
-from ellipsoid_coupling.threading_layer import check_environment
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.scenes import Scene
@@ -79,7 +79,7 @@ def flow(
     trust
         Give OpenFOAM the case's own files, which can run code: you have read them, or made them.
     """
-    from ellipsoid_coupling.flow.openfoam import solve_case
+    from ellipsoid_coupling.flow.openfoam.solve import solve_case
 
     output.check()
     with ProgressReporter("flow") as report:
@@ -207,8 +207,8 @@ def compare(
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
-    from ellipsoid_coupling.run_flow import load_runs
     from ellipsoid_coupling.simulation import scene_flow
+    from ellipsoid_coupling.storage.run_flow import load_runs
 
     if not 0.0 < longest < math.inf:
         raise InputError("--longest", "finite seconds above 0", f"{longest:g}", "Change it.")
@@ -269,8 +269,8 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
         Overwrite files that an earlier export left.
     """
     from ellipsoid_coupling.output.paraview import export as write
-    from ellipsoid_coupling.run_flow import load_runs
-    from ellipsoid_coupling.run_folder import require_free
+    from ellipsoid_coupling.storage.run_flow import load_runs
+    from ellipsoid_coupling.storage.run_folder import require_free
 
     (result,), (field,) = load_runs([run])
     folder = (run if run.is_dir() else run.parent) / "paraview"
@@ -290,7 +290,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
     """
     from ellipsoid_coupling.output.figures import draw_all
     from ellipsoid_coupling.output.labels import print_warnings
-    from ellipsoid_coupling.run_flow import load_runs
+    from ellipsoid_coupling.storage.run_flow import load_runs
 
     output.check()
     results, flows = load_runs(runs)

@@ -24,9 +24,9 @@ import time
 from collections.abc import Callable
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.limits import time_in_words
+from ellipsoid_coupling.files.limits import time_in_words
 from ellipsoid_coupling.models import Health, Model, Setup
-from ellipsoid_coupling.models.parts import scene_rates
+from ellipsoid_coupling.models.from_scene import scene_rates
 
 # Sums over many cells round by less; leaks of a scheme are far more.
 MASS_TOLERANCE = 1e-9

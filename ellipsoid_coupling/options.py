@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, Token
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.limits import LONGEST_RUN
+from ellipsoid_coupling.files.limits import LONGEST_RUN
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.flow import FlowField, Wanted
-    from ellipsoid_coupling.run_folder import RunFolder
     from ellipsoid_coupling.scenes import Scene
+    from ellipsoid_coupling.storage.run_folder import RunFolder
 
 Settings = Annotated[
     list[str] | None,
@@ -51,7 +51,7 @@ class Output:
 
     def check(self) -> None:
         """Refuse, before anything is computed, a folder that holds something."""
-        from ellipsoid_coupling.run_folder import require_free
+        from ellipsoid_coupling.storage.run_folder import require_free
 
         if self.out is not None:
             require_free(self.out, force=self.force)
@@ -62,7 +62,7 @@ class Output:
 
         The latter is removed at the end if nothing was written into it.
         """
-        from ellipsoid_coupling.run_folder import numbered_folder
+        from ellipsoid_coupling.storage.run_folder import numbered_folder
 
         if self.out is not None:
             yield self.out
@@ -107,7 +107,7 @@ class Keeping(Output):
 
     def place(self, name: str) -> RunFolder:
         """The run folder, `out` or a new results/`name`, which the run itself makes and claims."""
-        from ellipsoid_coupling.run_folder import RunFolder
+        from ellipsoid_coupling.storage.run_folder import RunFolder
 
         path = self.out if self.out is not None else Path("results") / name
         limits = self.checkpoint_seconds, self.stop_after, self.longest
@@ -130,7 +130,7 @@ class FlowChoice:
     def wanted(self, name: str, scene: Scene) -> Wanted | FlowField:
         """What --flow names; for the run.toml of an earlier run, else, that run's own flow."""
         from ellipsoid_coupling.flow import Wanted
-        from ellipsoid_coupling.run_flow import repeated_flow
+        from ellipsoid_coupling.storage.run_flow import repeated_flow
 
         before = repeated_flow(name, scene) if self.flow is None else None
         return before or Wanted(self.flow, self.allow_misfit)

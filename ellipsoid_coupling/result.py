@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling import histograms
 from ellipsoid_coupling.errors import InputError, shown
-from ellipsoid_coupling.files import whole_file
-from ellipsoid_coupling.inputs import exists, is_folder
-from ellipsoid_coupling.netcdf import Stored, read_netcdf, write_netcdf
+from ellipsoid_coupling.files.netcdf import Stored, read_netcdf, write_netcdf
+from ellipsoid_coupling.files.reading import exists, is_folder
+from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.geometry import histograms
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 
 if TYPE_CHECKING:

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling import checkpoint
-from ellipsoid_coupling.checkpoint import Progress
+from ellipsoid_coupling.compiled.jit import CompileTimer
+from ellipsoid_coupling.compiled.threading_layer import taking_turns
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
-from ellipsoid_coupling.files import Arrays
+from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
+from ellipsoid_coupling.files.signals import Interruption, noticed
+from ellipsoid_coupling.files.writing import Arrays
 from ellipsoid_coupling.flow import FlowField, Wanted, analytic_flow, obtain_flow
-from ellipsoid_coupling.interruption import Interruption, noticed
-from ellipsoid_coupling.kernels import CompileTimer
-from ellipsoid_coupling.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
 from ellipsoid_coupling.models import (
     Model,
     SchemeName,
@@ -32,10 +31,11 @@ from ellipsoid_coupling.models import (
 )
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.run_flow import run_flow
-from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 from ellipsoid_coupling.scenes import Scene, terms_of
-from ellipsoid_coupling.threading_layer import taking_turns
+from ellipsoid_coupling.storage import checkpoint
+from ellipsoid_coupling.storage.checkpoint import Progress
+from ellipsoid_coupling.storage.run_flow import run_flow
+from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
 
 Report = Callable[[str, float], None]
 

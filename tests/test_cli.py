@@ -10,7 +10,7 @@ import pytest
 
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.obtain import SHIPPED
+from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.result import Result
 
 FLOW = ["--flow", str(SHIPPED / "cavity.npz")]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.models import Model, Setup, build_model
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.scenes import terms_of
-from ellipsoid_coupling.schemes.grid import interior
 from ellipsoid_coupling.simulation import scene_flow
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling import threading_layer
-from ellipsoid_coupling.threading_layer import taking_turns
+from ellipsoid_coupling.compiled import threading_layer
+from ellipsoid_coupling.compiled.threading_layer import taking_turns
 
 # What a worker does: a run that shares realisations among Python's threads, and a loop of numba's.
 WORK = """
@@ -24,8 +24,8 @@ WORK = """
     import numba
     import numpy as np
     import ellipsoid_coupling as ec
-    from ellipsoid_coupling.kernels import parallel_kernel
-    from ellipsoid_coupling.threading_layer import taking_turns
+    from ellipsoid_coupling.compiled.jit import parallel_kernel
+    from ellipsoid_coupling.compiled.threading_layer import taking_turns
 
     @parallel_kernel
     def total(values: np.ndarray) -> float:

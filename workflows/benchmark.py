@@ -26,9 +26,9 @@ from benchmark_start import start_rows
 from benchmark_tools import Row, Sizes, limits
 
 from ellipsoid_coupling.errors import run_in_words
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.output.tables import print_table
-from ellipsoid_coupling.progress import ProgressReporter
 
 PARTS: tuple[Callable[[Sizes], Iterator[Row]], ...] = (particle_rows, grid_rows, start_rows)
 

@@ -11,18 +11,18 @@ import numpy as np
 from benchmark_tools import Floats, Row, Sizes, limits, seconds, step_seconds, with_threads
 
 from ellipsoid_coupling import load_scene, simulate
-from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
-from ellipsoid_coupling.interaction.choice import choose_interaction
+from ellipsoid_coupling.compiled.jit import parallel_kernel
+from ellipsoid_coupling.finite_volume import q_grid, q_splitting
+from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
+from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move
+from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
 from ellipsoid_coupling.interaction.grid_forces import half_widths
-from ellipsoid_coupling.kernels import parallel_kernel
+from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
+from ellipsoid_coupling.interaction.select import choose_interaction
 from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 from ellipsoid_coupling.scenes import terms_of
-from ellipsoid_coupling.schemes import q_grid, q_splitting
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.fluxes.contract import Flux
-from ellipsoid_coupling.schemes.planes import Move
-from ellipsoid_coupling.schemes.q_transport import transport, transport_in_plane
 from ellipsoid_coupling.simulation import scene_flow
 
 SHAPE = potential_shape(0.1, 0.05)

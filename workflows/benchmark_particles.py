@@ -12,11 +12,11 @@ from benchmark_tools import Floats, Row, Sizes, seconds, step_seconds, with_thre
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compare import errors_against, exact_reference
-from ellipsoid_coupling.interaction.cells import cell_grid, sort_by_cell
-from ellipsoid_coupling.interaction.large_clouds import PairSum
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
-from ellipsoid_coupling.kernels import KERNEL_OPTIONS, for_each
+from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, for_each
+from ellipsoid_coupling.interaction.pairs.cells import cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
+from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import PairSum
+from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 from ellipsoid_coupling.scenes import terms_of

@@ -11,10 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel, parallel_kernel
+from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel
 from ellipsoid_coupling.models import Model
 from ellipsoid_coupling.physics.elementary import exp_of_negative
-from ellipsoid_coupling.schemes.step_control import REJECTED, STEPS
+from ellipsoid_coupling.stepping.step_control import REJECTED, STEPS
 
 Floats = NDArray[np.float64]
 

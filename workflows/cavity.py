@@ -31,8 +31,8 @@ from ellipsoid_coupling.output.figures import (
 )
 from ellipsoid_coupling.output.frontier_report import report_frontiers
 from ellipsoid_coupling.output.paraview import export, export_flow
+from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.output.tables import print_table
-from ellipsoid_coupling.progress import ProgressReporter
 from ellipsoid_coupling.simulation import scene_flow
 
 # The small version: the same job with fewer realisations and wider cells.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField, FlowSample, WallVelocity, obtain_flow
-from ellipsoid_coupling.flow.programs import require_openfoam
+from ellipsoid_coupling.flow.openfoam.programs import require_openfoam
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from ellipsoid_coupling import load_scene
 from ellipsoid_coupling.compare import Frontier, run_frontier
 from ellipsoid_coupling.compare.frontier import LONGEST
 from ellipsoid_coupling.errors import run_in_words
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.frontier_report import CHOICE_COLUMNS, choice_rows, report_frontiers
-from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.scenes.files import builtin_scenes
 from ellipsoid_coupling.simulation import scene_flow
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ellipsoid_coupling.flow.obtain import SHIPPED
-from ellipsoid_coupling.flow.openfoam import parameter, solve_case
-from ellipsoid_coupling.flow.programs import openfoam_version
-from ellipsoid_coupling.flow.reader import read_case
+from ellipsoid_coupling.flow.openfoam.programs import openfoam_version
+from ellipsoid_coupling.flow.openfoam.reader import read_case
+from ellipsoid_coupling.flow.openfoam.solve import parameter, solve_case
+from ellipsoid_coupling.flow.provide import SHIPPED
 
 
 def main(arguments: Sequence[str] | None = None) -> Path:

@@ -35,11 +35,11 @@ from paper_stationary import stationary
 from ellipsoid_coupling import Result, load_scene, simulate
 from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.output.figures import draw_convergence, draw_sketch, fitted_slope
-from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.simulation import scene_flow
 
 # Bounds of the verdicts: each follows from the words that it stands for, not from what came out.
-# Distances are L1 sums over 20 x 20 cells or 60 angles (`compare.errors`): twice the part of the mass
+# Distances are L1 sums over 20 x 20 cells or 60 angles (`compare.distances`): twice the part of the mass
 # that lies in another bin, 2 is no overlap.
 # "Very good agreement": less than a twentieth of the mass lies elsewhere, which no panel shows.
 VERY_GOOD = 0.1

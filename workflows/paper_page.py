@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ellipsoid_coupling import Result
-from ellipsoid_coupling.files import whole_file
-from ellipsoid_coupling.progress import ProgressReporter
+from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.output.progress import ProgressReporter
 
 _STYLE = """
 body { font-family: sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em; color: #222; }

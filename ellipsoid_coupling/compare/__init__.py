@@ -1,15 +1,15 @@
 """How far results are apart, what they cost, and where the schemes stay stable."""
 
-from ellipsoid_coupling.compare.choice import Choice, choose, pareto_front
-from ellipsoid_coupling.compare.errors import Errors, errors_against, sampling_errors
+from ellipsoid_coupling.compare.cheapest import Choice, choose, pareto_front
+from ellipsoid_coupling.compare.distances import Errors, errors_against, sampling_errors
+from ellipsoid_coupling.compare.error_budget import Parts
+from ellipsoid_coupling.compare.exact_solution import exact_reference, has_exact_reference
 from ellipsoid_coupling.compare.frontier import (
     Frontier,
     FrontierRow,
     run_frontier,
 )
-from ellipsoid_coupling.compare.reference import exact_reference, has_exact_reference
-from ellipsoid_coupling.compare.short import compare_runs, short_cases, short_frontier
-from ellipsoid_coupling.compare.split import Parts
+from ellipsoid_coupling.compare.quick_comparison import compare_runs, short_cases, short_frontier
 from ellipsoid_coupling.compare.table import write_table
 
 __all__ = [

@@ -1,7 +1,7 @@
 """Error against run time: every model and scheme at several resolutions, against one yardstick.
 
-`run_frontier` climbs the ladder (`compare.ladder`) of every model that fits the scene, times each
-level (`compare.timing`) and splits its error into parts (`compare.split`).
+`run_frontier` climbs the ladder (`compare.resolutions`) of every model that fits the scene, times each
+level (`compare.timing`) and splits its error into parts (`compare.error_budget`).
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ellipsoid_coupling.compare.errors import Errors
-from ellipsoid_coupling.compare.ladder import Ladder, Level, make_ladder
-from ellipsoid_coupling.compare.split import (
+from ellipsoid_coupling.compare.distances import Errors
+from ellipsoid_coupling.compare.error_budget import (
     Bins,
     Parts,
     bin_result,
@@ -24,8 +23,9 @@ from ellipsoid_coupling.compare.split import (
     sampling_error,
     total_error,
 )
+from ellipsoid_coupling.compare.reference_solution import Yardstick, make_yardstick, own_sampling
+from ellipsoid_coupling.compare.resolutions import Ladder, Level, make_ladder
 from ellipsoid_coupling.compare.timing import Bench, Timed
-from ellipsoid_coupling.compare.yardstick import Yardstick, make_yardstick, own_sampling
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES
@@ -229,7 +229,7 @@ def _coarser_and_coarser(rungs: Sequence[Rung]) -> list[tuple[float, Bins]]:
 
 
 def _parts(ladder: Ladder, rung: Rung, bins: Bins, yardstick: Yardstick) -> Parts:
-    """The parts of one level's error, see `compare.split`."""
+    """The parts of one level's error, see `compare.error_budget`."""
     y = yardstick.bins
     if ladder.is_grid:
         if ladder.model not in yardstick.refined:

@@ -6,10 +6,10 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from ellipsoid_coupling.compare.errors import Errors
+from ellipsoid_coupling.compare.distances import Errors
+from ellipsoid_coupling.compare.error_budget import Parts
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
-from ellipsoid_coupling.compare.split import Parts
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 
 PARTS = (
     "discretisation",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ellipsoid_coupling.compare.ladder import Ladder, Level, changed
+from ellipsoid_coupling.compare.resolutions import Ladder, Level, changed
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SchemeName

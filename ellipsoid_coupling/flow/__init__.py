@@ -5,9 +5,9 @@ pyvista and meshio are imported when a case is read (`flow.reader`), not by this
 
 from ellipsoid_coupling.flow.analytic import LINEAR_FLOWS, LinearFlow, analytic_flow, linear_flow
 from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
-from ellipsoid_coupling.flow.obtain import Wanted, find_flow, flow_at, obtain_flow
-from ellipsoid_coupling.flow.openfoam import solve_case
-from ellipsoid_coupling.flow.programs import openfoam_available
+from ellipsoid_coupling.flow.openfoam.programs import openfoam_available
+from ellipsoid_coupling.flow.openfoam.solve import solve_case
+from ellipsoid_coupling.flow.provide import Wanted, find_flow, flow_at, obtain_flow
 from ellipsoid_coupling.flow.spline import WallVelocity
 
 __all__ = [

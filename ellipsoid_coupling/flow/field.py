@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
+from ellipsoid_coupling.compiled.rows import element
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow.saved import read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
-from ellipsoid_coupling.kernels import inline_kernel, kernel
-from ellipsoid_coupling.tuples import element
 
 Array = NDArray[np.float64]
 

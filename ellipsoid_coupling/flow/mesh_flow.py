@@ -19,7 +19,7 @@ from scipy.sparse.linalg import spsolve
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.plane import SINGLE
+from ellipsoid_coupling.flow.openfoam.plane import SINGLE
 from ellipsoid_coupling.flow.plates import plates, without_plates
 from ellipsoid_coupling.flow.polygons import Edges
 from ellipsoid_coupling.flow.spline import WallVelocity

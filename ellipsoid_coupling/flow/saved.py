@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, readable
-from ellipsoid_coupling.inputs import read_arrays
-from ellipsoid_coupling.limits import LARGEST_NUMBER, MOST_FLOW_ARRAYS, MOST_FLOW_BYTES
+from ellipsoid_coupling.files.limits import LARGEST_NUMBER, MOST_FLOW_ARRAYS, MOST_FLOW_BYTES
+from ellipsoid_coupling.files.reading import read_arrays
 
 EXPECTED = "a flow saved by FlowField.save"
 _REMEDY = "Name a saved flow (.npz) or a solved OpenFOAM case folder."

@@ -8,6 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.compiled.rows import Rows, each, load, rows_at, store
 from ellipsoid_coupling.interaction.grid_forces import (
     Array,
     Forces,
@@ -15,9 +17,7 @@ from ellipsoid_coupling.interaction.grid_forces import (
     check_grid,
     half_widths,
 )
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
-from ellipsoid_coupling.tuples import Rows, each, load, rows_at, store
 
 Indices = NDArray[np.int64]
 

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel
+from ellipsoid_coupling.compiled.rows import Rows, each, load, rows_at, store
 from ellipsoid_coupling.flow.field import FlowArrays, nearest, sample_flow
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.kernels import apart_kernel, inline_kernel, kernel
+from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import harmonic_force, sine_torque
 from ellipsoid_coupling.physics.jeffery import jeffery
-from ellipsoid_coupling.tuples import Rows, each, load, rows_at, store
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]

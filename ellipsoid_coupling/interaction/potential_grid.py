@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from ellipsoid_coupling.compiled.jit import parallel_kernel
 from ellipsoid_coupling.interaction.grid_forces import Array, check_grid
-from ellipsoid_coupling.kernels import parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
 

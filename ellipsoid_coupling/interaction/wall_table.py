@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.interaction.grid_forces import Array, Forces
-from ellipsoid_coupling.kernels import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
 # Allowed error, relative to the largest entry, of interpolation before the angles are doubled for

@@ -7,7 +7,7 @@ import pkgutil
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models.base import Arrays, Health, Model, SchemeName, Setup
-from ellipsoid_coupling.models.fitting import require_fitting
+from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.models.memory import require_memory
 
 __all__ = [

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models.spot import Spot
+from ellipsoid_coupling.models.failure_site import Spot
 from ellipsoid_coupling.scenes import Scene, Terms
 
 Arrays = dict[str, NDArray[np.generic]]

@@ -6,7 +6,7 @@
     sigma_1 = 2/(2 gamma + A^2)      sigma_2 = 2/(2 gamma_bar + B^2)
 
 v and omega are given by rho and phi at every moment, they are no unknowns. Both schemes step the
-fields of the rho-equation (`r_grid`) by the splittings of `schemes.creeping`.
+fields of the rho-equation (`r_grid`) by the splittings of `finite_volume.overdamped`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.finite_volume.overdamped import CreepingEuler, CreepingHeun
 from ellipsoid_coupling.models.base import Setup
-from ellipsoid_coupling.models.parts import scene_rates
+from ellipsoid_coupling.models.from_scene import scene_rates
 from ellipsoid_coupling.models.r_grid import RGridEquation
-from ellipsoid_coupling.schemes.creeping import CreepingEuler, CreepingHeun
 
 
 class Diffusive(RGridEquation):

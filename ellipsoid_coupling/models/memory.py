@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.interaction.cells import CELLS_PER_REACH
-from ellipsoid_coupling.interaction.sample_choice import affordable_harmonics, scene_samples
-from ellipsoid_coupling.interaction.sample_nodes import nodes_per_width
-from ellipsoid_coupling.limits import in_words, memory_left
+from ellipsoid_coupling.files.limits import in_words, memory_left
+from ellipsoid_coupling.interaction.pairs.cells import CELLS_PER_REACH
+from ellipsoid_coupling.interaction.particle_mesh.nodes import nodes_per_width
+from ellipsoid_coupling.interaction.particle_mesh.select import affordable_harmonics, scene_samples
 from ellipsoid_coupling.models.base import Model, Setup
+from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK
+from ellipsoid_coupling.particles.shared_clock import TOGETHER
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK
-from ellipsoid_coupling.schemes.particles.together import TOGETHER
 
 _NUMBER = 8  # bytes of a float64
 

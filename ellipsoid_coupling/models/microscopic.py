@@ -14,11 +14,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction.kept import KeptArrays
-from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE, LargeCloud
+from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LEAST_LARGE, LargeCloud
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.parts import (
+from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.from_scene import (
     freeze_again,
     none_frozen,
     particle_counts,
@@ -33,14 +34,13 @@ from ellipsoid_coupling.models.parts import (
     silence,
     start_at_rest,
 )
-from ellipsoid_coupling.models.spot import Spot
-from ellipsoid_coupling.schemes.noise import STEPS_PER_BLOCK, gaussian_block
-from ellipsoid_coupling.schemes.particles import SCHEMES
-from ellipsoid_coupling.schemes.particles.blocks import Forces
-from ellipsoid_coupling.schemes.particles.state import ParticleState
-from ellipsoid_coupling.schemes.particles.together import TOGETHER
-from ellipsoid_coupling.schemes.status import MEANING
-from ellipsoid_coupling.schemes.step_control import GIVEN, STATUS, TIME, new_clock
+from ellipsoid_coupling.particles import SCHEMES
+from ellipsoid_coupling.particles.blocks import Forces
+from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
+from ellipsoid_coupling.particles.shared_clock import TOGETHER
+from ellipsoid_coupling.particles.state import ParticleState
+from ellipsoid_coupling.stepping.status import MEANING
+from ellipsoid_coupling.stepping.step_control import GIVEN, STATUS, TIME, new_clock
 
 Floats = NDArray[np.float64]
 

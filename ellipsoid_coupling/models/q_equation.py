@@ -8,7 +8,7 @@
 
 The closure is the pressure coefficient p: 1 Maxwellian, 0 mono-kinetic. Scheme `paper`: FORCE in x,
 y and theta, then implicit Euler. Scheme `accurate`: kick-drift-kick about a ballistic flight where
-there is no pressure, else the balanced scheme of schemes/balanced.py. `_STEPPERS` names them all.
+there is no pressure, else the scheme of finite_volume/well_balanced.py. `_STEPPERS` names them all.
 """
 
 from __future__ import annotations
@@ -20,20 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
-from ellipsoid_coupling.interaction.angle_grid import AngleForces, AngleGridInteraction, box_of
-from ellipsoid_coupling.interaction.angle_spectra import Quantity, distinct_angles
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
-from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
-from ellipsoid_coupling.models.told import as_counts, of_crossing, of_one_angle, of_start
-from ellipsoid_coupling.physics.closure import PRESSURE
-from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
-from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.balanced import BalancedHeun
-from ellipsoid_coupling.schemes.crossing import CrossingDetector
-from ellipsoid_coupling.schemes.grid import cell_of, scene_grid, start_density
-from ellipsoid_coupling.schemes.q_grid import (
+from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
+from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
+from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
+from ellipsoid_coupling.finite_volume.q_grid import (
     QOMEGA,
     QVX,
     QVY,
@@ -43,9 +33,20 @@ from ellipsoid_coupling.schemes.q_grid import (
     inside,
     start_angles,
 )
-from ellipsoid_coupling.schemes.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
-from ellipsoid_coupling.schemes.status import MEANING, RUNNING
-from ellipsoid_coupling.schemes.step_control import (
+from ellipsoid_coupling.finite_volume.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
+from ellipsoid_coupling.finite_volume.well_balanced import BalancedHeun
+from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
+from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity, distinct_angles
+from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction, box_of
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_one_angle, of_start
+from ellipsoid_coupling.physics.closure import PRESSURE
+from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.stepping.status import MEANING, RUNNING
+from ellipsoid_coupling.stepping.step_control import (
     CFL,
     STEPS,
     TIME,
@@ -54,7 +55,6 @@ from ellipsoid_coupling.schemes.step_control import (
     new_clock,
     step_log,
 )
-from ellipsoid_coupling.schemes.survey import largest_magnitude, survey_cells
 
 Floats = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What every equation for rho(r), phi(r) on an r-grid shares: fields, drift, steps, results.
 
 A model derives from `RGridEquation`, names itself and hands over its splitting; fields, drift and
-the three operations that a splitting uses (`schemes.splitting.SplitEquation`) live here.
+the three operations that a splitting uses (`splitting.SplitEquation`) live here.
 """
 
 from __future__ import annotations
@@ -12,26 +12,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import threads_for
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
-from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.kernels import threads_for
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.parts import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.spot import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
-from ellipsoid_coupling.models.told import as_counts, of_mixed_angles, of_start
-from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.schemes.fluxes import AnyFlux
-from ellipsoid_coupling.schemes.fluxes.contract import VACUUM
-from ellipsoid_coupling.schemes.grid import (
+from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
+from ellipsoid_coupling.finite_volume.fluxes import AnyFlux
+from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
+from ellipsoid_coupling.finite_volume.grid import (
     Grid,
     interior,
     scene_grid,
     start_angle,
     start_density,
 )
-from ellipsoid_coupling.schemes.planes import Move, sweep_planes, whole_plane
-from ellipsoid_coupling.schemes.sources import (
+from ellipsoid_coupling.finite_volume.sources import (
     ANGLE,
     MOMENTUM_X,
     MOMENTUM_Y,
@@ -39,9 +33,16 @@ from ellipsoid_coupling.schemes.sources import (
     SPIN,
     set_drift,
 )
-from ellipsoid_coupling.schemes.splitting import Splitting
-from ellipsoid_coupling.schemes.status import MEANING, NOT_FINITE, RUNNING
-from ellipsoid_coupling.schemes.step_control import (
+from ellipsoid_coupling.finite_volume.splitting import Splitting
+from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
+from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.run_warnings import as_counts, of_mixed_angles, of_start
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.stepping.status import MEANING, NOT_FINITE, RUNNING
+from ellipsoid_coupling.stepping.step_control import (
     CFL,
     STEPS,
     TIME,
@@ -50,7 +51,6 @@ from ellipsoid_coupling.schemes.step_control import (
     new_clock,
     step_log,
 )
-from ellipsoid_coupling.schemes.survey import largest_magnitude, survey_cells
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class RGridEquation:
     fields : (5, ny + 4, nx + 4) float64, or 3 components where nothing turns
         rho, rho v_x, rho v_y, rho phi, rho omega; padded by two ghost layers.
     drift : (3 or 2, ny, nx)
-        F_x, F_y and F_bar of `schemes.sources`, at the present fields.
+        F_x, F_y and F_bar of `finite_volume.sources`, at the present fields.
     """
 
     layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
@@ -132,7 +132,7 @@ class RGridEquation:
     ) -> None:
         """Move all fields along x and y, or y and x, for dt, boundary conditions included.
 
-        work : what is done to each row before and after, see `schemes.row_work`.
+        work : what is done to each row before and after, see `row_work`.
         """
         reflecting = self._setup.terms.reflection
         plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
+from ellipsoid_coupling.finite_volume.splitting import GodunovSplitting, KickDriftKick, Splitting
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
-from ellipsoid_coupling.models.told import of_crossing
+from ellipsoid_coupling.models.run_warnings import of_crossing
 from ellipsoid_coupling.physics.closure import PRESSURE
-from ellipsoid_coupling.schemes.crossing import CrossingDetector
-from ellipsoid_coupling.schemes.splitting import GodunovSplitting, KickDriftKick, Splitting
 
 
 class RhoEquation(RGridEquation):

@@ -3,7 +3,7 @@
     q_stat = exp(-V1 - V2 - U*q_stat/m)/Z,      Z such that q_stat has mass 1
 
 It does not depend on the noise, since A dW comes with the damping A^2/2. It is a minimum of the free
-energy, found by Newton's descent (`schemes.free_energy`), however strong the interaction is; a strong
+energy, found by Newton's descent (`finite_volume.free_energy`), however strong the interaction is; a strong
 one has many such states. Both schemes are the same: an equilibrium has no time step.
 """
 
@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.finite_volume.free_energy import Problem, descend, miss, point_at
+from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid
 from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.spot import Spot
+from ellipsoid_coupling.models.failure_site import Spot
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.free_energy import Problem, descend, miss, point_at
-from ellipsoid_coupling.schemes.grid import Grid, scene_grid
 
 Floats = NDArray[np.float64]
 

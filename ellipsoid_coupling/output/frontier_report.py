@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ellipsoid_coupling.compare.choice import KINDS, TARGETS, Choice, Kind, choose, largest_error
-from ellipsoid_coupling.compare.errors import Errors
+from ellipsoid_coupling.compare.cheapest import KINDS, TARGETS, Choice, Kind, choose, largest_error
+from ellipsoid_coupling.compare.distances import Errors
+from ellipsoid_coupling.compare.error_budget import UNRESOLVED
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
-from ellipsoid_coupling.compare.split import UNRESOLVED
 from ellipsoid_coupling.compare.table import part_of, write_table
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.figures import (
     UNRESOLVED_CLOSURE,
     PartBars,

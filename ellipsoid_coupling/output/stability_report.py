@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ellipsoid_coupling.compare.stability import Case, Field, write_stability
-from ellipsoid_coupling.compare.stability.examine import REFERENCE_OF_PRESSURE
-from ellipsoid_coupling.compare.stability.watch import LARGEST_DRIFT, MOST_STEPS
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.compare.stability.run_case import REFERENCE_OF_PRESSURE
+from ellipsoid_coupling.compare.stability.watched_run import LARGEST_DRIFT, MOST_STEPS
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.figures import draw_stability
 from ellipsoid_coupling.output.labels import model_name
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.instructions import fused
-from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.compiled.intrinsics import fused
+from ellipsoid_coupling.compiled.jit import inline_kernel
 
 LOG2_E = 1.4426950408889634
 LN2_HIGH = 6.93147180369123816490e-01

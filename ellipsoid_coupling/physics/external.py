@@ -5,7 +5,7 @@ A new one is added here, as a kernel beside these, and named in the scene's `[ou
 
 from __future__ import annotations
 
-from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 

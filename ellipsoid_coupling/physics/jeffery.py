@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.compiled.jit import inline_kernel
 
 
 @inline_kernel

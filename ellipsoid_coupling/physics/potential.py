@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ellipsoid_coupling.instructions import fused
-from ellipsoid_coupling.kernels import inline_kernel
+from ellipsoid_coupling.compiled.intrinsics import fused
+from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.physics.elementary import exp_of_negative
 
 # exp(-s/(1-s)) is below 1e-300 beyond this s, so clamping changes nothing and spares a branch.

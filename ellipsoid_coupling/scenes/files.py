@@ -13,8 +13,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.inputs import exists, read_text
-from ellipsoid_coupling.limits import MOST_NESTING, MOST_SCENE_BYTES
+from ellipsoid_coupling.files.limits import MOST_NESTING, MOST_SCENE_BYTES
+from ellipsoid_coupling.files.reading import exists, read_text
 from ellipsoid_coupling.scenes.scene import RunPart, Scene
 
 Table = dict[str, Any]

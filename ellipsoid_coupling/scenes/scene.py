@@ -22,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from ellipsoid_coupling.limits import (
+from ellipsoid_coupling.files.limits import (
     LARGEST_NUMBER,
     LEAST_CFL,
     LEAST_HARMONICS_TOLERANCE,

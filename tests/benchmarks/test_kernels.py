@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
-from ellipsoid_coupling.interaction.cells import cell_grid
-from ellipsoid_coupling.interaction.choice import choose_interaction
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
+from ellipsoid_coupling.finite_volume.q_grid import inside, occupied_extents
+from ellipsoid_coupling.finite_volume.q_transport import transport
+from ellipsoid_coupling.interaction.pairs.cells import cell_grid
+from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
+from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
+from ellipsoid_coupling.interaction.select import choose_interaction
 from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Force
-from ellipsoid_coupling.schemes.q_grid import inside, occupied_extents
-from ellipsoid_coupling.schemes.q_transport import transport
 
 Floats = NDArray[np.float64]
 # What pytest-benchmark hands to a test: calls a function, returns what it returned.

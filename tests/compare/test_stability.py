@@ -27,7 +27,7 @@ SHORT = {"times": [0.1]}
 
 @pytest.mark.parametrize("model", model_names())
 def test_accurate_completes_the_thinned_map(model: str) -> None:
-    """Finite, mass to 1e-12, no negative density, particles inside the walls (`examine.Field`)."""
+    """Finite, mass to 1e-12, no negative density, particles inside the walls (`run_case.Field`)."""
     cases = [replace(case, reference=False) for case in chosen_cases(quick=True)]
     fields = [field for case in cases for field in examine(case, model, ("accurate",))]
     accurate = [f for f in fields if f.outcome != "not applicable"]

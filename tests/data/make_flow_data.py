@@ -16,8 +16,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ellipsoid_coupling.flow.openfoam import case_folder, solve_case
-from ellipsoid_coupling.flow.programs import foam_environment
+from ellipsoid_coupling.flow.openfoam.programs import foam_environment
+from ellipsoid_coupling.flow.openfoam.solve import case_folder, solve_case
 
 HERE = Path(__file__).parent
 KEPT = ("U", "streamFunction")

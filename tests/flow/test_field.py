@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, sample_flow
-from ellipsoid_coupling.kernels import plain
 from tests.flow.known import Array, points, spline, velocity
 
 

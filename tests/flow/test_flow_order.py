@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling.flow import programs
+from ellipsoid_coupling.flow.openfoam import programs
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 

@@ -9,8 +9,8 @@ import pytest
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
+from ellipsoid_coupling.flow.openfoam.reader import _Inside
 from ellipsoid_coupling.flow.polygons import polygons
-from ellipsoid_coupling.flow.reader import _Inside
 from ellipsoid_coupling.flow.stream_function import Patch
 from tests.flow.known import points, shaken, velocity
 

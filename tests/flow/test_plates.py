@@ -11,9 +11,9 @@ import pytest
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.plates import plates, without_plates
 from ellipsoid_coupling.flow.polygons import Edges
-from ellipsoid_coupling.flow.reader import read_case
 from ellipsoid_coupling.flow.stream_function import Patch
 
 DATA = Path(__file__).parents[1] / "data"

@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.finite_volume.grid import interior
+from ellipsoid_coupling.finite_volume.overdamped import mobilities, settle
+from ellipsoid_coupling.finite_volume.sources import ANGLE, RHO
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SchemeName, Setup, build_model
 from ellipsoid_coupling.models.diffusive import Diffusive
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
-from ellipsoid_coupling.schemes.creeping import mobilities, settle
-from ellipsoid_coupling.schemes.grid import interior
-from ellipsoid_coupling.schemes.sources import ANGLE, RHO
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.compare.errors import errors_against
-from ellipsoid_coupling.compare.reference import exact_reference
-from ellipsoid_coupling.compare.split import bin_result
+from ellipsoid_coupling.compare.distances import errors_against
+from ellipsoid_coupling.compare.error_budget import bin_result
+from ellipsoid_coupling.compare.exact_solution import exact_reference
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction.large_clouds import LEAST_LARGE
+from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LEAST_LARGE
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 from tests.known_flows import channel, growing_channel

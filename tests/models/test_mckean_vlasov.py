@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField, analytic_flow
-from ellipsoid_coupling.interaction.cells import Sources, cell_grid, sort_by_cell
-from ellipsoid_coupling.interaction.ghost_forces import add_ghost_forces
-from ellipsoid_coupling.interaction.pairs import Pairs, add_pair_forces
-from ellipsoid_coupling.interaction.sample_forces import SampleInteraction
+from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
+from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
+from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
+from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
 from ellipsoid_coupling.models.mckean_vlasov import McKeanVlasov
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -275,7 +275,7 @@ def test_shared_blocks_have_the_bits_of_blocks_one_by_one(
     scene = scene_with(particles=particles(50), noise=noise, **settings)
     found = []
     for least in (0, 10**6):
-        monkeypatch.setattr("ellipsoid_coupling.schemes.particles.blocks._LEAST_SAMPLES", least)
+        monkeypatch.setattr("ellipsoid_coupling.particles.blocks._LEAST_SAMPLES", least)
         model = model_of("mckean_vlasov", scene, scheme, realisations=5)
         model.advance(1.0)
         found.append(model.state())

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling import limits
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import limits
 from ellipsoid_coupling.models import SCHEMES, Setup, model_names
 from ellipsoid_coupling.models.memory import peak_memory
 from ellipsoid_coupling.models.rho_equation import RhoEquation

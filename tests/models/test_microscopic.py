@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import Setup, build_model, parts
+from ellipsoid_coupling.models import Setup, build_model, from_scene
 from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
+from ellipsoid_coupling.particles.noise import gaussian_block
 from ellipsoid_coupling.scenes import load_scene, terms_of
-from ellipsoid_coupling.schemes.noise import gaussian_block
 
 Floats = NDArray[np.float64]
 
@@ -98,8 +98,8 @@ def test_without_interaction_nobody_looks_for_neighbours(
     def forbidden(*_: object) -> None:
         raise AssertionError("a part that the scene does not have was built")
 
-    monkeypatch.setattr(parts, "cell_grid", forbidden)
-    monkeypatch.setattr(parts, "scene_walls", forbidden)
+    monkeypatch.setattr(from_scene, "cell_grid", forbidden)
+    monkeypatch.setattr(from_scene, "scene_walls", forbidden)
     model = model_of("rotation", {"interaction": None}, rotation_flow)
     assert model._drift.pairs is None
     run(model, 0.1)

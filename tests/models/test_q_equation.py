@@ -12,17 +12,17 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.finite_volume.grid import interior
+from ellipsoid_coupling.finite_volume.q_grid import QOMEGA, QVX, QVY, Q, inside
+from ellipsoid_coupling.finite_volume.q_splitting import QSystem
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.interaction.angle_grid import AngleGridInteraction
+from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models import Setup
 from ellipsoid_coupling.models import q_equation as module
 from ellipsoid_coupling.models.q_equation import QEquation
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
-from ellipsoid_coupling.schemes.grid import interior
-from ellipsoid_coupling.schemes.q_grid import QOMEGA, QVX, QVY, Q, inside
-from ellipsoid_coupling.schemes.q_splitting import QSystem
 from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]

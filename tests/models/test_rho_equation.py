@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compare import errors_against, exact_reference
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.finite_volume.grid import interior
+from ellipsoid_coupling.finite_volume.sources import exact_kick, extremes
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.flow.obtain import SHIPPED
+from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.models import Setup
 from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
-from ellipsoid_coupling.schemes.grid import interior
-from ellipsoid_coupling.schemes.sources import exact_kick, extremes
 from ellipsoid_coupling.simulation import scene_flow, simulate
-from tests.schemes.whole import kick
+from tests.finite_volume.whole import kick
 
 Floats = NDArray[np.float64]
 BOTH = pytest.mark.parametrize("scheme", ["paper", "accurate"])
@@ -222,10 +222,10 @@ def test_many_cells_take_the_same_steps(
     """In one pass over memory, which few cells do not need: the same bits."""
     scene = load_scene("rotation", FREE | {"numerics.cell": 0.1})
     few = model_of(scene, rotation_flow)
-    monkeypatch.setattr("ellipsoid_coupling.schemes.splitting._MANY_CELLS", 0)
+    monkeypatch.setattr("ellipsoid_coupling.finite_volume.splitting._MANY_CELLS", 0)
     many = model_of(scene, rotation_flow)
     with monkeypatch.context() as patch:
-        patch.setattr("ellipsoid_coupling.schemes.splitting.kick_anew", None)
+        patch.setattr("ellipsoid_coupling.finite_volume.splitting.kick_anew", None)
         many.advance(5.0)
     monkeypatch.undo()
     few.advance(5.0)

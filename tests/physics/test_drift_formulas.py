@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.physics.external import harmonic_force, sine_torque
 from ellipsoid_coupling.physics.jeffery import jeffery
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.kernels import kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.physics.potential import (
     PotentialShape,
     pair_potential,

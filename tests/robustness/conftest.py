@@ -29,7 +29,7 @@ def within_limits() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def _libraries() -> None:
     """Imports and compiling take memory of their own."""
-    from ellipsoid_coupling.flow.reader import read_case, read_vtk
+    from ellipsoid_coupling.flow.openfoam.reader import read_case, read_vtk
 
     data = Path(__file__).parents[1] / "data"
     read_case(data / "cavity_16")

@@ -16,7 +16,7 @@ def _serve(connection: Connection) -> None:
     import numpy as np
 
     from ellipsoid_coupling.errors import InputError
-    from ellipsoid_coupling.flow.obtain import flow_at
+    from ellipsoid_coupling.flow.provide import flow_at
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     connection.send("ready")

@@ -14,7 +14,7 @@ import pytest
 
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.flow import analytic_flow
-from ellipsoid_coupling.flow.obtain import SHIPPED
+from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.scenes import load_scene, scene_to_toml
 from tests.robustness.conftest import within_limits
 

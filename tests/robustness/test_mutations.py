@@ -21,15 +21,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.checkpoint import Progress, pack, unpack
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.checksum import sealed
 from ellipsoid_coupling.flow import FlowField, analytic_flow
 from ellipsoid_coupling.models import Model, Setup, build_model
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.run_folder import CHECKPOINT_FILE, RunFolder
 from ellipsoid_coupling.scenes import builtin_scenes, load_scene, scene_to_toml, terms_of
-from ellipsoid_coupling.schemes.step_control import clock_fault
-from ellipsoid_coupling.seal import sealed
+from ellipsoid_coupling.stepping.step_control import clock_fault
+from ellipsoid_coupling.storage.checkpoint import Progress, pack, unpack
+from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, RunFolder
 from tests.robustness.conftest import within_limits
 from tests.robustness.reading import Worker
 

@@ -22,9 +22,9 @@ import pytest
 import xarray as xr
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.checksum import sealed
 from ellipsoid_coupling.result import DIMENSIONS, MARKS, VARIABLES, Layout, Result
 from ellipsoid_coupling.scenes import load_scene, scene_to_toml
-from ellipsoid_coupling.seal import sealed
 from tests.robustness.conftest import within_limits
 from tests.robustness.test_mutations import small_result
 

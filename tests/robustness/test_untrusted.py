@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling.flow.reader import read_case
-from tests.flow.ways_in import CODE, TOUCH
+from ellipsoid_coupling.flow.openfoam.reader import read_case
+from tests.flow.openfoam.ways_in import CODE, TOUCH
 from tests.robustness.conftest import within_limits
 
 DATA = Path(__file__).parents[1] / "data"

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import ellipsoid_coupling as ec
+from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
+from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Kinetic
+from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.scenes import terms_of
-from ellipsoid_coupling.schemes.boundary import fill_ghosts
-from ellipsoid_coupling.schemes.fluxes import Ballistic, Kinetic
-from ellipsoid_coupling.schemes.grid import interior
 from ellipsoid_coupling.simulation import scene_flow
-from tests.schemes.whole import sweep
+from tests.finite_volume.whole import sweep
 
 Floats = NDArray[np.float64]
 FREE = {"interaction": None}

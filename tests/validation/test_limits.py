@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, fmin
 
 import ellipsoid_coupling as ec
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.kernels import kernel
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 from ellipsoid_coupling.scenes import scene_from_table
 

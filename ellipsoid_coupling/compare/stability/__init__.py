@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ellipsoid_coupling.compare.stability.case import Case
 from ellipsoid_coupling.compare.stability.cases import CASES
-from ellipsoid_coupling.compare.stability.examine import Field, examine
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.compare.stability.run_case import Field, examine
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.models import SCHEMES, model_names
 from ellipsoid_coupling.simulation import Report
 

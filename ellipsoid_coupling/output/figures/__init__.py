@@ -1,5 +1,6 @@
 """Figures as PNG files: one function a kind, all from `Result`s or plain arrays."""
 
+from ellipsoid_coupling.output.figures.all_figures import draw_all
 from ellipsoid_coupling.output.figures.angles import draw_angles
 from ellipsoid_coupling.output.figures.convergence import draw_convergence, fitted_slope
 from ellipsoid_coupling.output.figures.decay import DecayCurve, RateCurve, draw_decay, draw_rates
@@ -10,10 +11,9 @@ from ellipsoid_coupling.output.figures.density import (
     draw_density,
 )
 from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
-from ellipsoid_coupling.output.figures.every import draw_all
+from ellipsoid_coupling.output.figures.error_budget import UNRESOLVED_CLOSURE, PartBars, draw_parts
 from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
-from ellipsoid_coupling.output.figures.parts import UNRESOLVED_CLOSURE, PartBars, draw_parts
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
 from ellipsoid_coupling.output.figures.stability import draw_stability
 

@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.figures.style import DOTS_PER_INCH, LETTERS_PER_INCH, SETTINGS
 from ellipsoid_coupling.output.labels import literal
 

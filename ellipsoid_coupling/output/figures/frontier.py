@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ellipsoid_coupling.compare.choice import (
+from ellipsoid_coupling.compare.cheapest import (
     KINDS,
     TARGETS,
     ErrorRow,

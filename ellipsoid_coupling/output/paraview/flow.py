@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
-from ellipsoid_coupling.models.parts import scene_walls
+from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
 from ellipsoid_coupling.output.paraview.fields import cell_image
 from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
@@ -18,7 +19,6 @@ from ellipsoid_coupling.output.paraview.series import save_mesh, vectors
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.schemes.grid import scene_grid
 
 if TYPE_CHECKING:
     import pyvista

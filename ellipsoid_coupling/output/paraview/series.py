@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.files import whole_file
+from ellipsoid_coupling.files.writing import whole_file
 
 if TYPE_CHECKING:
     import pyvista

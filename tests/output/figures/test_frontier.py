@@ -17,8 +17,8 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.output.figures import PartBars, draw_frontier, draw_parts
 from ellipsoid_coupling.output.figures.annotations import place_labels
 from ellipsoid_coupling.output.figures.canvas import new_figure
+from ellipsoid_coupling.output.figures.error_budget import parts_figure
 from ellipsoid_coupling.output.figures.frontier import frontier_figure, frontier_lines
-from ellipsoid_coupling.output.figures.parts import parts_figure
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,189 @@
+"""Ladders of resolutions: what a model and scheme is run with, from coarse to fine.
+
+    grids in r            h = width/n,  n = n_0/8 ... 4 n_0 by doubling (n_0 the scene's own), n >= 12
+    grids in (r, theta)   (n, angles) in fixed proportion, 1, 3/2, 2, 5/2, 3, 4, 6 times the coarsest
+    microscopic           realisations R times 2, time step divided by sqrt(2) or tolerance by
+                          10^(1/4): sampling and stepping errors fall alike, by some sqrt(2) a level
+    mckean_vlasov         samples times 2, time step or tolerance from coarse to the scene's own, the
+                          interaction from a fourth to twice as exact as the scene's
+
+`cost` is the number of operations of a level up to a factor that all levels of one ladder share: with
+the seconds of one level it foretells those of the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ellipsoid_coupling.files.limits import LEAST_HARMONICS_TOLERANCE
+from ellipsoid_coupling.models import SchemeName
+from ellipsoid_coupling.scenes import Scene, scene_from_table
+from ellipsoid_coupling.scenes.scene import Domain
+
+LEVELS = 5
+
+# Doublings from the scene's own number of cells, and the fewest cells worth a run.
+_DOUBLINGS = (-3, -2, -1, 0, 1, 2)
+_FEWEST_CELLS = 12
+# Cells across the domain in units of the coarsest level's, and angles: both grow alike.
+_Q_FACTORS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+_Q_ANGLES = (8, 12, 16, 20, 24, 32, 48)
+_Q_CELLS_PER_START_BOX = 3
+_FEWEST_Q_CELLS = 10
+# Realisations, time step and tolerance in units of the scene's own.
+_ENSEMBLES = tuple(2.0 ** (k - 6) for k in range(9))
+_STEPS = tuple(8.0 * 2.0 ** (-0.5 * k) for k in range(9))
+_TOLERANCES = tuple(1000.0 * 10.0 ** (-0.25 * k) for k in range(9))
+# The grid of the samples' interaction costs the same for a thousand samples and a hundred thousand:
+# there, steps are dear and samples cheap.
+_SAMPLES_OF_GRID = 500_000
+# Harmonics tolerance in units of the scene's own, and the work that it takes: measured, 1e-1 to 5e-3. The
+# yardstick's is finer than the last: a run with its nodes would agree with itself.
+_HARMONICS = (4.0, 4.0, 2.0, 2.0, 1.0, 1.0, 0.5)
+_WORK_OF_HARMONICS = -0.8
+_SAMPLES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
+_SAMPLE_STEPS = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0)
+_SAMPLE_TOLERANCES = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
+# Steps that a tolerance asks for: about its power -1/4, measured between 1e-1 and 1e-4.
+_STEPS_OF_TOLERANCE = -0.25
+
+
+class Level(NamedTuple):
+    """One resolution.
+
+    scene : with that resolution's numerics and realisations
+    cost : operations, up to a factor of the ladder
+    spacing : h of a grid, 0 for particles
+    """
+
+    scene: Scene
+    cost: float
+    spacing: float
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The levels of one model and scheme, coarse to fine.
+
+    is_grid : the model's unknowns live on cells and have one value, the model's own
+    """
+
+    model: str
+    scheme: SchemeName
+    levels: tuple[Level, ...]
+    is_grid: bool
+
+
+def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """The scene with other values of keys such as "numerics.cell" or "times".
+
+    Raises
+    ------
+    InputError
+        For values that do not fit.
+    """
+    table: dict[str, Any] = scene.model_dump(mode="json", exclude_none=True)
+    for key, value in values.items():
+        *parts, last = key.split(".")
+        place = table
+        for part in parts:
+            place = place[part]
+        place[last] = value
+    return scene_from_table(table, f"scene {scene.name} with {dict(values)}")
+
+
+def make_ladder(scene: Scene, model: str, scheme: SchemeName) -> Ladder:
+    """The ladder of a model and scheme on a scene."""
+    if model == "microscopic":
+        steps = _STEPS if scheme == "paper" else _TOLERANCES
+        levels = _particle_levels(scene, scheme, _ENSEMBLES, steps)
+    elif model == "mckean_vlasov":
+        steps = _SAMPLE_STEPS if scheme == "paper" else _SAMPLE_TOLERANCES
+        levels = _particle_levels(scene, scheme, _SAMPLES, steps)
+        if scene.interaction is not None:
+            levels = _with_harmonics(levels, steps, scheme)
+    elif model.startswith("q_"):
+        levels = _q_levels(scene)
+    else:
+        levels = _r_levels(scene)
+    return Ladder(model, scheme, tuple(levels), is_grid=levels[0].spacing > 0.0)
+
+
+def cells_across(domain: Domain, least: int) -> int:
+    """The smallest number of cells in x, from `least` on, whose squares fill the domain's height."""
+    for count in range(least, 4 * least):
+        rows = domain.height / domain.width * count
+        if abs(rows - round(rows)) < 1e-9 * rows:
+            return count
+    return least
+
+
+def _r_levels(scene: Scene) -> list[Level]:
+    """Five levels; the scene's own number of cells stands among them."""
+    own = round(scene.domain.width / scene.numerics.cell)
+    counts = [own * 2**k if k >= 0 else round(own / 2**-k) for k in _DOUBLINGS]
+    fit = sorted({cells_across(scene.domain, count) for count in counts if count >= _FEWEST_CELLS})
+    levels = []
+    for count in fit[:LEVELS]:
+        cell = scene.domain.width / count
+        levels.append(Level(changed(scene, {"numerics.cell": cell}), float(count) ** 3, cell))
+    return levels
+
+
+def _q_levels(scene: Scene) -> list[Level]:
+    """The start box has three cells or more on the coarsest level; points have no size."""
+    domain, start = scene.domain, scene.start
+    box = min(start.x[1] - start.x[0], start.y[1] - start.y[0])
+    box = box if start.points is None else domain.width
+    coarsest = max(_FEWEST_Q_CELLS, int(np.ceil(_Q_CELLS_PER_START_BOX * domain.width / box)))
+    coarsest += coarsest % 2
+    levels = []
+    for factor, angles in zip(_Q_FACTORS, _Q_ANGLES, strict=True):
+        count = cells_across(domain, round(coarsest * factor))
+        cell = domain.width / count
+        values = {"numerics.cell": cell, "numerics.angle_cells": angles}
+        levels.append(Level(changed(scene, values), float(count) ** 3 * angles, cell))
+    return levels
+
+
+def _steps_taken(scheme: SchemeName, factor: float) -> float:
+    """How the number of steps goes with the time step or tolerance."""
+    return float(factor ** (-1.0 if scheme == "paper" else _STEPS_OF_TOLERANCE))
+
+
+def _particle_levels(
+    scene: Scene, scheme: SchemeName, ensembles: tuple[float, ...], steps: tuple[float, ...]
+) -> list[Level]:
+    """Ensembles and steps in units of the scene's own."""
+    key, own = (
+        ("numerics.time_step", scene.numerics.time_step)
+        if scheme == "paper"
+        else ("numerics.tolerance", scene.numerics.tolerance)
+    )
+    levels = []
+    for part, step in zip(ensembles, steps, strict=True):
+        realisations = max(1, round(scene.particles.realisations * part))
+        values = {"particles.realisations": realisations, key: float(f"{own * step:.2g}")}
+        cost = realisations * _steps_taken(scheme, step)
+        levels.append(Level(changed(scene, values), cost, 0.0))
+    return levels
+
+
+def _with_harmonics(
+    levels: list[Level], steps: tuple[float, ...], scheme: SchemeName
+) -> list[Level]:
+    """The levels with finer and finer harmonics: their tolerance is an error like that of the steps."""
+    found = []
+    for level, step, factor in zip(levels, steps, _HARMONICS, strict=True):
+        scene = level.scene
+        own = scene.numerics.harmonics_tolerance
+        samples = scene.particles.number * scene.particles.realisations
+        work = (_SAMPLES_OF_GRID + samples) * factor**_WORK_OF_HARMONICS
+        tolerance = max(own * factor, LEAST_HARMONICS_TOLERANCE)
+        finer = changed(scene, {"numerics.harmonics_tolerance": tolerance})
+        found.append(Level(finer, work * _steps_taken(scheme, step), 0.0))
+    return found

@@ -1,0 +1,397 @@
+"""A strict reader of the HDF5 files that this package writes, and of no others.
+
+The HDF5 library follows what a file says: to other files and pipes, into arrays and texts of any size,
+round and round a damaged heap, and not always back. So it never reads a file from elsewhere. What is
+read here are arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the
+root; everything else is a ValueError. Sizes are compared with the file before anything is read, and
+what may be read besides arrays has a limit, which also ends every circle. Of each part only what is
+needed is looked at (references and attributes of arrays are not); the file's checksum is `checksum`'s.
+
+The format is described in "HDF5 File Format Specification Version 3.0". In short: a superblock names
+the root's header; a header is a list of messages; many links or attributes of one header lie in a heap
+with a B-tree over it; texts lie in collections, the global heaps.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+from collections.abc import Iterator
+from itertools import chain
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# A result has some 10 variables and 30 attributes; the scene's text is the longest of these.
+_MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 200, 4, 1000
+_MOST_MESSAGES = 1000
+# Bytes that may be read besides arrays, and what every read counts on top.
+_MOST_READ, _EACH_READ = 20_000_000, 100
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+# Versions 0 all over, then 8 bytes for an address and a length.
+_OLDEST = bytes(5) + b"\x08\x08\x00"
+_NOWHERE = 2**64 - 1
+
+# Kinds of messages.
+_NIL, _SPACE, _LINKS, _TYPE, _LINK, _LAYOUT, _ATTRIBUTE, _NEXT, _ATTRIBUTES = (
+    0, 1, 2, 3, 6, 8, 12, 16, 21,
+)  # fmt: skip
+_PASSED_OVER = (_NIL, 4, 5, 10, 14, 18, 22)  # values of gaps, comments, times, counts
+# Where a message does not stand for itself, but for a named type or another header's.
+_SHARED = 2
+
+_DAMAGED = "a damaged file: parts beyond its end, of a wrong kind, or that lead in a circle"
+_ELSEWHERE = "in pieces, packed, or in another file"
+
+
+def _number_types() -> dict[bytes, np.dtype[Any]]:
+    """What describes each plain number, less its version."""
+    floats = {
+        4: struct.pack("<HHBBBBI", 0, 32, 23, 8, 0, 23, 127),
+        8: struct.pack("<HHBBBBI", 0, 64, 52, 11, 0, 52, 1023),
+    }
+    known = {}
+    for big, order in enumerate("<>"):
+        for size, rest in floats.items():
+            lead = struct.pack("<BBBBI", 1, 0x20 | big, 8 * size - 1, 0, size)
+            known[lead + rest] = np.dtype(f"{order}f{size}")
+        for size in (1, 2, 4, 8):
+            for signed, letter in enumerate("ui"):
+                lead = struct.pack("<BBBBI", 0, 8 * signed | big, 0, 0, size)
+                known[lead + struct.pack("<HH", 0, 8 * size)] = np.dtype(f"{order}{letter}{size}")
+    return known
+
+
+_NUMBERS = _number_types()
+
+
+class Message(NamedTuple):
+    """A part of a header."""
+
+    kind: int
+    data: bytes
+
+
+class Variable(NamedTuple):
+    """An array: where its numbers lie, None where it has none of its own."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    place: int | None
+
+    @property
+    def length(self) -> int:
+        """The bytes that it takes from the file."""
+        return 0 if self.place is None else math.prod(self.shape) * self.dtype.itemsize
+
+
+class Reader:
+    """A file of `size` bytes; every method raises ValueError for what this package does not write."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._handle, self._size, self._left = file.fileno(), size, _MOST_READ
+        self._texts: dict[int, dict[int, bytes]] = {}
+        lead = self._read(0, 96)
+        if lead[:16] != _SIGNATURE + _OLDEST or lead[24:32] != bytes(8):
+            raise ValueError("no HDF5 file of the oldest format")
+        self._root = self._header(_whole(lead[64:72]))
+
+    def variables(self) -> dict[str, Variable]:
+        """The root's arrays."""
+        found = dict[str, Variable]()
+        for name, place in self._links():
+            if len(found) == _MOST_OBJECTS:
+                raise ValueError(f"more than {_MOST_OBJECTS} variables")
+            if name in found:
+                raise ValueError(f"two variables {name}")
+            found[name] = self._variable(name, place)
+        return found
+
+    def numbers(self, variable: Variable) -> NDArray[Any]:
+        """An array's numbers."""
+        values = np.zeros(variable.shape, variable.dtype)
+        raw, done = values.reshape(-1).view(np.uint8).data, 0
+        while done < variable.length and variable.place is not None:
+            read = os.preadv(self._handle, [raw[done:]], variable.place + done)
+            if not read:
+                raise ValueError("a file that has become shorter")
+            done += read
+        return values
+
+    def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[Any]]]:
+        """The root's attributes and their values; `but` those of these names, which are not read."""
+        dense = self._dense(_ATTRIBUTES, 8)
+        own = (message.data for message in self._root if message.kind == _ATTRIBUTE)
+        for count, data in enumerate(chain(own, dense)):
+            if count == _MOST_ATTRIBUTES:
+                raise ValueError(f"more than {_MOST_ATTRIBUTES} attributes")
+            name, kind, space, values = _attribute(data)
+            if name not in but:
+                yield name, self._values(name, kind, space, values)
+
+    def _read(self, at: int, count: int) -> bytes:
+        """`count` bytes from `at` on, all of them."""
+        self._left -= count + _EACH_READ
+        if count < 0 or at + count > self._size or self._left < 0:
+            raise ValueError(_DAMAGED)
+        data = os.pread(self._handle, count, at)
+        if len(data) < count:
+            raise ValueError("a file that has become shorter")
+        return data
+
+    def _block(self, at: int, mark: bytes, count: int) -> bytes:
+        """As `_read`, of what begins with this mark and its version, 0."""
+        data = self._read(at, count)
+        if not data.startswith(mark):
+            raise ValueError(_DAMAGED)
+        return data
+
+    def _header(self, at: int) -> list[Message]:
+        """The messages of a header, which may go on elsewhere."""
+        lead = self._read(at, 6)
+        if not lead.startswith(b"OHDR\x02"):
+            raise ValueError("a part that another program wrote, or a damaged one")
+        flags = lead[5]
+        start = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
+        width = 1 << (flags & 3)
+        length = _whole(self._read(start, width))
+        pieces, found = [self._read(start + width, length)], list[Message]()
+        while pieces:
+            for message in _messages(pieces.pop(), 6 if flags & 4 else 4):
+                if message.kind == _NEXT:
+                    place, size = struct.unpack_from("<QQ", message.data)
+                    pieces.append(self._block(place, b"OCHK", size)[4:-4])
+                else:
+                    found.append(message)
+                if len(found) > _MOST_MESSAGES:
+                    raise ValueError(f"more than {_MOST_MESSAGES} parts of one variable")
+        return found
+
+    def _links(self) -> Iterator[tuple[str, int]]:
+        """Names and places of what the root holds."""
+        dense = self._dense(_LINKS, 5)
+        own = (message.data for message in self._root if message.kind == _LINK)
+        for data in chain(own, dense):
+            yield _link(data)
+
+    def _dense(self, kind: int, tree_type: int) -> Iterator[bytes]:
+        """What lies in the root's heap of this kind, links (5) or attributes (8)."""
+        for message in self._root:
+            if message.kind == kind:
+                counted = (8 if kind == _LINKS else 2) if message.data[1] & 1 else 0
+                heap, tree = struct.unpack_from("<QQ", message.data, 2 + counted)
+                if heap != _NOWHERE:
+                    yield from self._in_heap(heap, tree, tree_type)
+
+    def _in_heap(self, heap: int, tree: int, tree_type: int) -> Iterator[bytes]:
+        lead = self._block(heap, b"FRHP\x00", 142)
+        id_bytes, filters = struct.unpack_from("<HH", lead, 5)
+        largest, bits = _whole(lead[10:14]), _whole(lead[128:130])
+        length = _width(min(largest, _whole(lead[120:128])))
+        offset = (bits + 7) // 8
+        if filters or not 1 + offset + length <= id_bytes <= 8:
+            raise ValueError(_DAMAGED)
+        skipped = 4 if tree_type == 5 else 0
+        for record in self._records(tree, tree_type, skipped + id_bytes):
+            key = record[skipped:]
+            if key[0] or (tree_type == 8 and key[id_bytes] & _SHARED):
+                raise ValueError(_ELSEWHERE)  # too large for the heap, or shared
+            at, size = _whole(key[1 : 1 + offset]), _whole(key[1 + offset : 1 + offset + length])
+            yield self._read(self._in_blocks(lead, at, offset), size)
+
+    def _in_blocks(self, lead: bytes, at: int, offset: int) -> int:
+        """Where byte `at` of a heap lies in the file."""
+        width, first = _whole(lead[110:112]), _whole(lead[112:120])
+        root, rows = _whole(lead[132:140]), _whole(lead[140:142])
+        if not rows:
+            return root + at
+        start = 0
+        for row in range(min(rows, 64)):
+            size = first << max(row - 1, 0)
+            if at < start + width * size:
+                column = (at - start) // size
+                place = root + 13 + offset + 8 * (row * width + column)
+                self._block(root, b"FHIB\x00", 5)
+                return _whole(self._read(place, 8)) + at - start - column * size
+            start += width * size
+        raise ValueError(_DAMAGED)
+
+    def _records(self, tree: int, kind: int, least: int) -> Iterator[bytes]:
+        """The records of a B-tree of at most two levels, in order."""
+        lead = self._block(tree, b"BTHD\x00", 34)
+        node, size, depth = struct.unpack_from("<IHH", lead, 6)
+        root, count = struct.unpack_from("<QH", lead, 16)
+        if lead[5] != kind or size < least + (kind == 8) or node < size + 10 or depth > 1:
+            raise ValueError(_DAMAGED)
+        if root == _NOWHERE:
+            return
+        leaves = [(root, count)]
+        if depth:
+            width = _width((node - 10) // size)
+            data = self._block(root, b"BTIN\x00", 6 + count * size + (count + 1) * (8 + width))[6:]
+            yield from (data[k * size : (k + 1) * size] for k in range(count))
+            behind = data[count * size :]
+            leaves = [
+                (_whole(behind[k : k + 8]), _whole(behind[k + 8 : k + 8 + width]))
+                for k in range(0, len(behind), 8 + width)
+            ]
+        for place, count in leaves:
+            data = self._block(place, b"BTLF\x00", 6 + count * size)[6:]
+            yield from (data[k * size : (k + 1) * size] for k in range(count))
+
+    def _variable(self, name: str, at: int) -> Variable:
+        """The array whose header is at `at`."""
+        header = self._header(at)
+        if not any(message.kind == _LAYOUT for message in header):
+            raise ValueError(f"{name} as a group or a type, not a variable")
+        known = (_SPACE, _TYPE, _LAYOUT, _ATTRIBUTE, _ATTRIBUTES, *_PASSED_OVER)
+        if not all(message.kind in known for message in header):
+            raise ValueError(f"{name} {_ELSEWHERE}")
+        layout, space, kind = (_only(header, k) for k in (_LAYOUT, _SPACE, _TYPE))
+        shape, dtype = _shape(space), _number(kind)
+        if shape is None or not 0 < len(shape) <= _MOST_RANK or dtype is None:
+            raise ValueError(f"{name} of a type that is no plain number, or of another shape")
+        # A dimension of no length can grow, for HDF5: its arrays are made for pieces, and have none.
+        if layout[0] in (3, 4) and layout[1] == 2 and not math.prod(shape):
+            return Variable(shape, dtype, None)
+        if layout[0] not in (3, 4) or layout[1] != 1:
+            raise ValueError(f"{name} {_ELSEWHERE}")
+        place, stored = struct.unpack_from("<QQ", layout, 2)
+        found = Variable(shape, dtype, None if place == _NOWHERE else place)
+        if found.place is None and len(shape) > 1 and math.prod(shape) > 0:
+            raise ValueError(f"{name} of shape {shape} without numbers")
+        if found.place is not None and (stored != found.length or place + stored > self._size):
+            raise ValueError(f"{name} of shape {shape} in {stored} bytes, from byte {place} on")
+        return found
+
+    def _values(
+        self, name: str, kind: bytes, shape: tuple[int, ...] | None, data: bytes
+    ) -> list[Any]:
+        """The values of an attribute: numbers, or texts."""
+        if shape is None:
+            raise ValueError(f"attribute {name} without a value")
+        count, size = int(math.prod(shape)), _whole(kind[4:8])
+        if count > _MOST_VALUES or len(data) < count * size:
+            raise ValueError(f"attribute {name} of shape {shape}")
+        dtype = _number(kind)
+        if dtype is not None:
+            return list(np.frombuffer(data, dtype, count).tolist())
+        parts = [data[k * size : (k + 1) * size] for k in range(count)]
+        form, variant = kind[0] & 15, kind[1] & 15
+        if form == 3 and size:
+            ends = {0: "\0", 1: "\0", 2: " "}
+            texts = [part.decode("utf-8").rstrip(ends.get(variant, "")) for part in parts]
+        elif form == 9 and variant == 1 and size == 16:
+            texts = [self._text(*struct.unpack("<IQI", part)).decode("utf-8") for part in parts]
+        else:
+            raise ValueError(f"attribute {name} of a type that is no text and no plain number")
+        return texts
+
+    def _text(self, length: int, heap: int, index: int) -> bytes:
+        """A text of the global heap at `heap`."""
+        if length == 0:
+            return b""
+        if heap not in self._texts:
+            lead = self._block(heap, b"GCOL\x01", 16)
+            self._texts[heap] = _collection(self._read(heap, _whole(lead[8:])))
+        text = self._texts[heap].get(index, b"")
+        self._left -= len(text)
+        if len(text) != length or self._left < 0:
+            raise ValueError("a damaged file: text of another length, or too much of it")
+        return text
+
+
+def _whole(data: bytes) -> int:
+    return int.from_bytes(data, "little")
+
+
+def _width(largest: int) -> int:
+    """The bytes that numbers up to `largest` take."""
+    return max((largest.bit_length() + 7) // 8, 1)
+
+
+def _messages(data: bytes, lead: int) -> Iterator[Message]:
+    """The messages of a piece of a header, `lead` bytes before each."""
+    at = 0
+    while at + lead <= len(data):
+        kind, size, flags = struct.unpack_from("<BHB", data, at)
+        at += lead + size
+        if at > len(data):
+            raise ValueError(_DAMAGED)
+        if kind not in _PASSED_OVER and flags & _SHARED:
+            raise ValueError("a named type")
+        yield Message(kind, data[at - size : at])
+
+
+def _only(header: list[Message], kind: int) -> bytes:
+    found = [message.data for message in header if message.kind == kind]
+    if len(found) != 1:
+        raise ValueError(_DAMAGED)
+    return found[0]
+
+
+def _name(raw: bytes) -> str:
+    name = raw.rstrip(b"\0").decode("utf-8")
+    if not name.isprintable():
+        raise ValueError(f"a variable or attribute named {name!a}")
+    return name
+
+
+def _link(data: bytes) -> tuple[str, int]:
+    """The name and the place of a link."""
+    flags, at = data[1], 2
+    kind, at = (data[at], at + 1) if flags & 8 else (0, at)
+    at += (8 if flags & 4 else 0) + (1 if flags & 16 else 0)
+    width = 1 << (flags & 3)
+    start = at + width
+    end = start + _whole(data[at:start])
+    name = _name(data[start:end])
+    if data[0] != 1 or kind != 0 or len(data) < end + 8:
+        raise ValueError(f"{name} as a link to something else")
+    return name, _whole(data[end : end + 8])
+
+
+def _attribute(data: bytes) -> tuple[str, bytes, tuple[int, ...] | None, bytes]:
+    """The name, type, shape (None: no value) and bytes of an attribute."""
+    version, flags, *sizes = struct.unpack_from("<BBHHH", data)
+    if version not in (1, 2, 3) or (version > 1 and flags):
+        raise ValueError("an attribute of a named type")
+    parts, at = [], 9 if version == 3 else 8
+    for size in sizes:
+        parts.append(data[at : at + size])
+        at += (size + 7) // 8 * 8 if version == 1 else size
+    name, kind, space = parts
+    return _name(name), kind, _shape(space), data[at:]
+
+
+def _shape(space: bytes) -> tuple[int, ...] | None:
+    """Of a data space; None where it holds nothing."""
+    version, rank = space[0], space[1]
+    if version not in (1, 2) or (version == 2 and space[3] == 2):
+        return None
+    start = 8 if version == 1 else 4
+    return tuple(struct.unpack_from(f"<{rank}Q", space, start))
+
+
+def _number(kind: bytes) -> np.dtype[Any] | None:
+    """The plain number that a type describes; None for other types."""
+    plain = bytes([kind[0] & 15]) + kind[1 : 20 if kind[0] & 15 else 12]
+    return _NUMBERS.get(plain)
+
+
+def _collection(heap: bytes) -> dict[int, bytes]:
+    """The texts of a global heap by number; it ends with the part of number 0, or with the heap."""
+    found, at = dict[int, bytes](), 16
+    while at + 16 <= len(heap):
+        index, size = _whole(heap[at : at + 2]), _whole(heap[at + 8 : at + 16])
+        if index == 0:
+            break
+        at += 16
+        if index in found or at + size > len(heap):
+            raise ValueError("a damaged file: text that overlaps")
+        found[index] = heap[at : at + size]
+        at += (size + 7) // 8 * 8
+    return found

@@ -1,0 +1,171 @@
+"""result.nc as a file: written without a copy in memory, and read without trust.
+
+What is read is not given to the HDF5 library, see `hdf5`.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.checksum import append_seal, open_sealed
+from ellipsoid_coupling.files.hdf5 import Reader
+from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, memory_limit
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_EXPECTED = "a result file"
+_REMEDY = "Give a result.nc that this package wrote."
+
+# Names other programs need; what they hold is not read.
+_NOT_READ = ("_NCProperties", "_nc3_strict")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a result file holds.
+
+    Attributes
+    ----------
+    attributes : dict of str, number or list
+        Of the whole file; text without control characters.
+    arrays : dict of array
+        The numbers of every variable.
+    sizes : dict of int
+        The extent of every dimension, with or without numbers of its own.
+    """
+
+    attributes: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+    sizes: dict[str, int]
+
+
+def write_netcdf(data: xr.Dataset, path: Path) -> None:
+    """Write a data set as NetCDF-4 with a checksum behind it.
+
+    Arrays go to the disk as they are. The HDF5 library does not survive a full disk, so it hears of
+    none; OSError comes when it is done.
+    """
+    import h5netcdf
+
+    with path.open("w+b") as file:
+        target = _Forgiving(file)
+        try:
+            # The oldest format is the one that `read_netcdf` knows.
+            with h5netcdf.File(target, "w", libver="earliest") as made:
+                made.dimensions = {str(name): size for name, size in data.sizes.items()}
+                made.attrs.update(data.attrs)
+                for name, variable in data.variables.items():
+                    dimensions = tuple(map(str, variable.dims))
+                    stored = made.create_variable(str(name), dimensions, data=variable.values)
+                    stored.attrs.update(variable.attrs)
+        finally:
+            if target.fault is not None:
+                raise target.fault
+    append_seal(path)
+
+
+def read_netcdf(path: Path) -> Stored:
+    """The attributes and arrays of a file that `write_netcdf` made.
+
+    Raises
+    ------
+    InputError
+        For any other file: without its checksum, with links, references to other files, filters,
+        named or compound types, or more numbers than it has bytes for.
+    """
+    with open_sealed(path, _EXPECTED, memory_limit()) as (file, size):
+        try:
+            opened = Reader(file, size)
+            sizes, arrays = _read_objects(opened, size)
+            return Stored(_attributes(opened), arrays, sizes)
+        except (ValueError, IndexError, struct.error) as error:
+            found = str(error) if type(error) is ValueError else "a damaged file"
+            raise InputError(str(path), _EXPECTED, found, _REMEDY) from None
+
+
+def _read_objects(opened: Reader, size: int) -> tuple[dict[str, int], dict[str, NDArray[Any]]]:
+    """Every array of the file; all are looked at before the first is read."""
+    found = opened.variables()
+    needed = sum(variable.length for variable in found.values())
+    if needed > size:
+        raise ValueError(f"{needed} bytes of numbers in a file of {size} bytes")
+    sizes = {name: v.shape[0] for name, v in found.items() if len(v.shape) == 1}
+    # A dimension without a coordinate has no numbers.
+    held = {name: v for name, v in found.items() if v.place is not None or not math.prod(v.shape)}
+    return sizes, {name: opened.numbers(variable) for name, variable in held.items()}
+
+
+def _attributes(opened: Reader) -> dict[str, Any]:
+    """Each as Python's own: one of a single value is that value, more are a list."""
+    found = dict[str, Any]()
+    for name, values in opened.attributes(_NOT_READ):
+        if name in found:
+            raise ValueError(f"two attributes {name}")
+        _check_texts(name, values)
+        found[name] = values[0] if len(values) == 1 else values
+    return found
+
+
+def _check_texts(name: str, values: list[Any]) -> None:
+    for text in values:
+        if isinstance(text, str) and not text.replace("\n", "").isprintable() and text:
+            raise ValueError(f"attribute {name} with characters that are not printable")
+        if isinstance(text, str) and len(text.encode("utf-8")) > MOST_SCENE_BYTES:
+            raise ValueError(f"attribute {name} of {len(text)} characters")
+
+
+class _Forgiving(io.RawIOBase):
+    """A file to write to that keeps its first fault to itself."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._handle, self._place = file.fileno(), 0
+        self.fault: OSError | None = None
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """As of any file."""
+        start = {os.SEEK_CUR: self._place, os.SEEK_END: os.fstat(self._handle).st_size}
+        self._place = offset + start.get(whence, 0)
+        return self._place
+
+    def tell(self) -> int:
+        """As of any file."""
+        return self._place
+
+    def readinto(self, buffer: Any) -> int:
+        """All of it: zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        read = os.preadv(self._handle, [view], self._place)
+        view[read:] = bytes(len(view) - read)
+        self._place += len(view)
+        return len(view)
+
+    def write(self, buffer: Any) -> int:
+        """All of it, or nothing after a fault."""
+        view = memoryview(buffer).cast("B")
+        written = 0
+        try:
+            while self.fault is None and written < len(view):
+                written += os.pwrite(self._handle, view[written:], self._place + written)
+        except OSError as error:
+            self.fault = error
+        self._place += len(view)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """As of any file."""
+        size = self._place if size is None else size
+        try:
+            os.ftruncate(self._handle, size)
+        except OSError as error:
+            self.fault = self.fault or error
+        return size

@@ -1,0 +1,1 @@
+"""Cells: grids, fluxes, sweeps, sources, and how they follow one another within a step."""

@@ -1,0 +1,15 @@
+"""Numerical fluxes, one file each.
+
+A flux is a NamedTuple (its parameters) and a formula of a cell and its neighbours, registered for that
+type (`contract.py`): numba then compiles the sweep with that formula inlined, and caches it. To add one,
+copy `force.py` (given at faces) or `ballistic.py` (given for cells) and name it where a model chooses
+its scheme.
+"""
+
+from ellipsoid_coupling.finite_volume.fluxes.ballistic import Ballistic
+from ellipsoid_coupling.finite_volume.fluxes.force import Force
+from ellipsoid_coupling.finite_volume.fluxes.kinetic import Kinetic
+
+AnyFlux = Ballistic | Force | Kinetic
+
+__all__ = ["AnyFlux", "Ballistic", "Force", "Kinetic"]

@@ -1,0 +1,373 @@
+"""Scheme `accurate` for the Maxwellian closure: balanced, positive, second order.
+
+One direction at a time, with its flux, its force and the damping of its own momentum m,
+
+    d_t q + d_x m = 0,   d_t m + d_x(m v + q) = q F - Gamma m,   d_t(q a) + d_x(m a) = 0
+
+Equilibria are kept exactly. The force acts through the work g that it does from cell centre to cell
+centre; at rest q_{i+1} = q_i e^g. The kinetic flux (fluxes/kinetic.py) then has the pressure
+q_i e^{g/2} at a face, and the source takes the difference of the two faces' pressures,
+
+    dt S = dt/h q_i (e^{g_up/2} - e^{-g_down/2}) c(s)/c(g)
+
+c makes it the force on the cell's mean density, sinh(s/2)/(s/2) q_i, where the profile's
+logarithmic slope s is not the equilibrium's: by Simpson's rule, c = 2 + (both faces' q)/(2 q_i).
+
+The work of a potential is its difference: that of -(V1 + V2 + U * q) between the centres, so that
+the state at rest is q = exp(-V1 - V2 - U * q)/Z on the very cells.
+
+In time, Heun's method, with the damping integrated exactly (Cox and Matthews' ETD2RK for m), which
+keeps the drift m = R/Gamma of strong damping. The potential U * q is that of the density half a
+step ahead, q - dt/2 div m. Directions change order from step to step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import apart_kernel, for_each, inline_kernel, parallel_kernel
+from ellipsoid_coupling.compiled.rows import (
+    Rows,
+    Values,
+    each,
+    load,
+    rows_at,
+    store,
+    total,
+    whole_vectors,
+)
+from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
+from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Kinetic, Limits, face_factor
+from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import set_ahead, set_work
+from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, Q, inside
+from ellipsoid_coupling.finite_volume.q_sources import accelerations, largest_step, shorter
+from ellipsoid_coupling.finite_volume.q_splitting import QSystem
+from ellipsoid_coupling.finite_volume.sources import exact_gain
+from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
+from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.stepping.step_control import CFL
+
+Floats = NDArray[np.float64]
+
+# A step whose outcome allows less than this part of it was itself too long.
+_SHORTEST_NEXT = 0.25
+
+
+class BalancedHeun:
+    """Steps a `QSystem` with pressure 1 as above."""
+
+    order: ClassVar[int] = 2
+    quantity: ClassVar[Quantity] = "potential"
+
+    def __init__(self, system: QSystem) -> None:
+        self._system = system
+        self._steady = _steady_forces(system)
+        # The strongest pull of the interaction in each direction, as of the last step.
+        self.memory = np.zeros(3)
+        self.forces: AngleForces | None = None
+        self._allowed = (0.0, CFL)
+        # Fields before a step and before a direction; density and momentum after its first stage.
+        self._start, self._before = np.empty((2, *system.fields.shape))
+        self._middle = np.empty((2, *system.fields.shape[1:]))
+        # Tilt and rest along each axis, where there is no work 1 and 0.
+        self._works = {axis: _no_work(system.fields[Q].size) for axis in system.axes}
+
+    def prepare(self) -> None:
+        """The pull of the interaction at the present density, where no step has told it yet."""
+        # A pull is a magnitude, whatever a checkpoint from elsewhere says.
+        np.abs(self.memory, out=self.memory)
+        if not self.memory.any():
+            self._note_pull(self._potential(0.0))
+        self._allowed = self._find_largest_step()
+
+    @property
+    def largest_step(self) -> tuple[float, int]:
+        """From the fastest signal, the forces within the step included."""
+        return self._allowed
+
+    def _find_largest_step(self) -> tuple[float, int]:
+        system = self._system
+        limits = system.limits()._replace(sound=SIGNAL, damped=True)
+        shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
+        steps = [shortest[0], shortest[0], shortest[1]]
+        rates = [system.terms.damping, system.terms.damping, system.terms.angular_damping]
+        for d, distance in enumerate(limits.distances):
+            # dt (distance/step + pull dt/2) = distance, which no cell exceeds; or, where damping
+            # holds velocities, dt (distance/step + pull/Gamma) = distance.
+            speed = distance / steps[d] if steps[d] > 0.0 else np.inf
+            pull, damping = float(self.memory[d]), rates[d]
+            root = speed + math.hypot(speed, math.sqrt(2.0 * pull * distance))
+            held = speed + (pull / damping if damping > 0.0 else np.inf)
+            shortened = 2.0 * distance / root if root > 0.0 else np.inf
+            steps[d] = max(shortened, distance / held) if held > 0.0 else shortened
+        return shorter((min(steps[:2]), steps[2]))
+
+    def step(self, dt: float, count: int) -> bool:
+        """See the module; refused if what it leads to allows only a far shorter one.
+
+        A cell that the first stage all but empties keeps a momentum for the second.
+        """
+        system = self._system
+        kept = system.left.copy(), self.memory.copy(), system.extents
+        potential = self._potential(0.5 * dt)
+        self._note_pull(potential)
+        axes = system.axes
+        order = axes if count % 2 == 0 else axes[::-1]
+        for axis in order:
+            self._fill(axis)
+            before = self._start if axis == order[0] else self._before
+            _copy(system.fields, before)
+            self._step_along(axis, potential, before, dt)
+        system.narrow_extents()
+        allowed = self._find_largest_step()
+        if allowed[0] >= _SHORTEST_NEXT * dt:
+            self._allowed = allowed
+            return True
+        _copy(self._start, system.fields)
+        system.left[:], self.memory[:], system.extents = kept
+        return False
+
+    def _potential(self, ahead: float) -> Floats | None:
+        """U * q, (n, ny, nx), of the density `ahead` of now; None without interaction."""
+        system = self._system
+        if system.interaction is None:
+            return None
+        density = inside(system.fields)[Q]
+        if ahead:
+            for axis in system.axes:
+                self._fill(axis)
+            factors = tuple(0.5 * ahead / system.grid.width(axis) for axis in system.axes)
+            density = np.empty(system.grid.shape)
+            set_ahead(system.fields, system.axes, factors, density)
+        return np.asarray(system.interaction.potential(density), np.float64)
+
+    def _fill(self, axis: int) -> None:
+        system = self._system
+        if axis == -3:
+            fill_periodic(system.fields, 1)
+        else:
+            fill_ghosts(system.fields, axis + 4, system.reflecting, NORMAL[axis])
+
+    def _weight(self, axis: int) -> float:
+        terms = self._system.terms
+        return terms.inverse_inertia if axis == -3 else terms.inverse_mass
+
+    def _note_pull(self, potential: Floats | None) -> None:
+        if potential is None:
+            return
+        for d, axis in enumerate(self._system.axes):
+            # Of all periods only the angle's is real: nothing reaches over the ends of x and y.
+            closed = np.concatenate((potential, potential[:1])) if axis == -3 else potential
+            rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
+            self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
+
+    def _step_along(self, axis: int, potential: Floats | None, before: Floats, dt: float) -> None:
+        """Both stages along an axis, from the fields as they are, of which `before` is a copy."""
+        system, work, middle = self._system, self._works[axis], self._middle
+        weights = 0.5 * system.grid.width(axis), self._weight(axis)
+        set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
+        flux = Kinetic(work[0], system.smooth_part(axis))
+        rate = system.terms.angular_damping if axis == -3 else system.terms.damping
+        exponential = _exponential_weights(rate, dt)
+        ratio = dt / system.grid.width(axis)
+        normal = NORMAL[axis]
+        stride = math.prod(system.grid.padded[3 + axis + 1 :])
+        here = system.fields, before
+        left = system.left.copy()
+        system.transport(flux, axis, dt)
+        source = work, Limits(flux.smooth, system.vacuum)
+        _push(*here, system.extents, *source, (normal, stride), ratio, exponential)
+        self._fill(axis)
+        _copy(system.fields, middle, (Q, normal))
+        system.transport(flux, axis, dt)
+        # Both stages' transports count half, here as in `_combine`.
+        system.left[:] = 0.5 * (left + system.left)
+        components = in_order(system.fields.shape[0], normal)
+        _combine(*here, middle, system.extents, *source, components, stride, ratio, exponential)
+
+
+def _copy(source: Floats, target: Floats, which: tuple[int, ...] | None = None) -> None:
+    """All components or some, one at a time, by all threads: memory is faster than one of them."""
+    parts = range(source.shape[0]) if which is None else which
+    for_each(len(parts), lambda k: np.copyto(target[k], source[parts[k]]))
+
+
+def _no_work(cells: int) -> Floats:
+    return np.array([np.ones(cells), np.zeros(cells)])
+
+
+def _steady_forces(system: QSystem) -> Floats:
+    """F_x, F_y, F_bar of all cells without interaction, (2 or 3, na, ny, nx).
+
+    Their work is taken by the trapezoidal rule: exact for V1. With the amplitude of V2 raised by
+    tan(k/2)/(k/2) it is exact for V2 as well.
+    """
+    terms = system.terms
+    half = 0.5 * system.grid.angle_width
+    if terms.amplitude is not None:
+        terms = terms._replace(amplitude=terms.amplitude * math.tan(half) / half)
+    steady = np.zeros((system.fields.shape[0] - 1, *system.grid.shape))
+    accelerations(terms, system.walls, steady)
+    return steady
+
+
+def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
+    """exp(-z), phi_1 and phi_2 at z = rate dt; 1, 1 and 1/2 at 0."""
+    z = rate * dt
+    first = exact_gain(rate, dt) / dt
+    # The quotient loses digits for small z, where two terms of the series are exact to 1e-9.
+    second = (1.0 - first) / z if z > 1e-4 else 0.5 - z / 6.0
+    return math.exp(-z), first, second
+
+
+@inline_kernel
+def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
+    """H S of a cell.
+
+    density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
+    work to the upper one and from the lower one.
+    """
+    rise, fall = up[0], 1.0 / down[0]
+    factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
+    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
+    return push * density[1]
+
+
+class _Forced(NamedTuple):
+    """What the source of a run of cells follows from, rows; see `_source`."""
+
+    density: Rows
+    up: Rows
+    down: Rows
+    limits: Limits
+
+
+@inline_kernel
+def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> _Forced:
+    """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
+    own = rows_at(q, (0,), start)
+    around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
+    return _Forced(
+        around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), limits
+    )
+
+
+@inline_kernel
+def _source_at(forced: _Forced, i: int) -> float:
+    return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.limits)
+
+
+@apart_kernel
+def _push_row(
+    forced: _Forced,
+    before: Rows,
+    moved: Rows,
+    width: int,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    decay, first, _ = weights
+    for i in range(whole_vectors(width)):
+        if i < width:
+            m, now = total(load(before, i)), total(load(moved, i))
+            pushed = now - m + ratio * _source_at(forced, i)
+            store(moved, i, (decay * m + first * pushed,))
+
+
+@inline_kernel
+def _run(extents: Extents, task: int, padded: tuple[int, int]) -> tuple[int, int]:
+    """Where the run of a row, counted through all angles, begins in flat fields, and its width."""
+    rows = extents.shape[1]
+    a, j = task // rows, task % rows
+    row = ((a + GHOSTS) * padded[0] + j + GHOSTS) * padded[1] + GHOSTS
+    return row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
+
+
+@parallel_kernel
+def _push(
+    fields: Floats,
+    before: Floats,
+    extents: Extents,
+    work: Floats,
+    limits: Limits,
+    line: tuple[int, int],
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m.
+
+    line : the component of the momentum, and the distance of neighbours in flat fields.
+    """
+    normal, stride = line
+    padded = fields.shape[2], fields.shape[3]
+    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
+    for task in numba.prange(extents.shape[0] * extents.shape[1]):
+        start, width = _run(extents, task, padded)
+        forced = _forced(old, work, start, stride, limits)
+        m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
+        _push_row(forced, m, moved, width, ratio, weights)
+
+
+@inline_kernel
+def _mean(empty: bool, one: float, other: float) -> float:
+    return 0.0 if empty else 0.5 * (one + other)
+
+
+@apart_kernel
+def _combine_row(
+    forced: _Forced,
+    first_stage: Rows,
+    old: Rows,
+    new: Rows,
+    width: int,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    decay, first, second = weights
+    for i in range(whole_vectors(width)):
+        if i < width:
+            before, after, m1 = load(old, i), load(new, i), total(load(first_stage, i))
+            change = after[ALONG] - m1 + ratio * _source_at(forced, i)
+            change -= (m1 - decay * before[ALONG]) / first
+            # A mean of mass and vacuum never gets there by itself, and its velocity is any.
+            empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.limits.vacuum
+            means = each(_mean, (empty,), (before, after))
+            momentum = 0.0 if empty else m1 + second * change
+            store(new, i, (means[DENSITY], momentum, *means[2:]))
+
+
+@parallel_kernel
+def _combine(
+    fields: Floats,
+    before: Floats,
+    middle: Floats,
+    extents: Extents,
+    work: Floats,
+    limits: Limits,
+    components: tuple[int, ...],
+    stride: int,
+    ratio: float,
+    weights: tuple[float, float, float],
+) -> None:
+    """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0).
+
+    middle : density and momentum after the first stage.
+    components : density, momentum along the direction, and the others.
+    """
+    padded = fields.shape[2], fields.shape[3]
+    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
+    half = middle.reshape(2, -1)
+    for task in numba.prange(extents.shape[0] * extents.shape[1]):
+        start, width = _run(extents, task, padded)
+        forced = _forced(half, work, start, stride, limits)
+        m1 = rows_at(half, (1,), start)
+        olds, news = rows_at(old, components, start), rows_at(new, components, start)
+        _combine_row(forced, m1, olds, news, width, ratio, weights)

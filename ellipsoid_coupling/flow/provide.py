@@ -1,0 +1,138 @@
+"""Which flow a scene gets: the named one, else the cache's, else a new run, else the shipped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from ellipsoid_coupling.errors import InputError, WriteError
+from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.openfoam.programs import INSTALL, openfoam_available
+from ellipsoid_coupling.flow.openfoam.solve import (
+    Report,
+    case_folder,
+    is_solved,
+    kept_folders,
+    solve_case,
+    solved_folder,
+)
+
+SHIPPED = Path(__file__).parent / "shipped"
+# What turns a case into a field; its hash names the field kept beside a case in the cache.
+READING = (
+    "field.py", "mesh_flow.py", "openfoam/case.py", "openfoam/entries.py", "openfoam/fields.py",
+    "openfoam/files.py", "openfoam/patterns.py", "openfoam/plane.py", "openfoam/reader.py",
+    "openfoam/times.py", "openfoam/tokens.py", "plates.py", "polygons.py", "spline.py",
+    "stream_function.py",
+)  # fmt: skip
+
+
+class Wanted(NamedTuple):
+    """Which flow a user asks for.
+
+    path : of a solved case, or of what `flow_at` reads; None for the scene's own
+    allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
+    """
+
+    path: Path | None = None
+    allow_misfit: bool = False
+
+
+def obtain_flow(
+    case: str,
+    cells: int,
+    path: Path | None = None,
+    processes: int = 2,
+    report: Report | None = None,
+    *,
+    allow_misfit: bool = False,
+) -> FlowField:
+    """The flow of a case; `origin` says in one line which of the four sources it came from.
+
+    Parameters
+    ----------
+    case : built-in name or folder, see `solve_case`
+    cells, processes : for the run, if there is one
+    path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
+    report : called with stage and fraction while OpenFOAM runs
+    allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
+
+    Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
+    field is shipped for the case; RunError if the run fails.
+    """
+    if path is not None:
+        return _from("given", flow_at(path, allow_misfit=allow_misfit))
+    if openfoam_available():
+        kept = solved_folder(case, cells)
+        if is_solved(kept):
+            return _from("cache", _field_of(kept, allow_misfit))
+        # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
+        solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
+        return _from("new icoFoam run", _field_of(solved, allow_misfit))
+    if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
+        case_folder(case)
+        raise InputError(
+            "OpenFOAM", f"icoFoam, to solve {case}", "no such program and no shipped field",
+            f"Install it: {INSTALL}; or give a solved case with --flow.",
+        )  # fmt: skip
+    return _from("shipped, as OpenFOAM is not installed", FlowField.load(SHIPPED / f"{case}.npz"))
+
+
+def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
+    """The shipped field, or the cache's, of a case with this digest; None where there is none.
+
+    No program of OpenFOAM's is started, not even to ask for its version: every solution of that name
+    in the cache is looked at. For what was computed once and must not be computed anew.
+    """
+    shipped = [path for path in SHIPPED.glob("*.npz") if path.stem == case]
+    for path in shipped:
+        if (field := FlowField.load(path)).digest == digest:
+            return field
+    for kept in kept_folders(Path(case).name, cells):
+        # One that cannot be read is not the one that is looked for.
+        with suppress(InputError):
+            if (field := _field_of(kept, allow_misfit=True)).digest == digest:
+                return field
+    return None
+
+
+def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
+    """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
+    if path.suffix == ".npz":
+        return FlowField.load(path)
+    # pyvista and meshio take a second to import: only who reads a case waits for them.
+    from ellipsoid_coupling.flow.openfoam.reader import read_flow
+
+    return read_flow(path, allow_misfit=allow_misfit)
+
+
+def _field_of(solved: Path, allow_misfit: bool) -> FlowField:
+    """The field of a case in the cache, from the file beside it where there is one.
+
+    Reading a case takes a second with its imports, that file milliseconds.
+    """
+    digest = hashlib.sha256()
+    for name in READING:
+        digest.update((Path(__file__).parent / name).read_bytes())
+    saved = solved / f"flow-{digest.hexdigest()[:16]}.npz"
+    if saved.is_file():
+        return FlowField.load(saved)
+    from ellipsoid_coupling.flow.openfoam.reader import read_case
+
+    field = read_case(solved, allow_misfit=allow_misfit)
+    # One that was only allowed is not kept for those who do not allow it.
+    if allow_misfit:
+        return field
+    # A cache that is only to be read serves all the same.
+    with suppress(WriteError):
+        field.save(saved)
+    return field
+
+
+def _from(source: str, field: FlowField) -> FlowField:
+    """The field with its source in front of its origin."""
+    return replace(field, origin=f"{source}: {field.origin}")

@@ -1,0 +1,1 @@
+"""The interaction integral as a convolution: angular series, spectra of kernels, transforms."""

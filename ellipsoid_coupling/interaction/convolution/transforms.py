@@ -1,0 +1,102 @@
+"""Real Fourier transforms along y and x whose large arrays are kept from one call to the next.
+
+Every transform of scipy returns a new array, and new memory costs more than the transform itself:
+the system hands it out zeroed, page by page. So the direction along y is transformed in place in
+kept arrays, and that along x a few rows at a time, whose arrays are small enough to stay in cache
+and to be had again at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import fft
+
+from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.jit import for_each, shares
+from ellipsoid_coupling.interaction.convolution.kernel_spectra import (
+    Complex,
+    Lengths,
+    Precision,
+    Real,
+)
+
+# Numbers worked on at once: a megabyte at most.
+_NUMBERS_AT_ONCE = 60_000
+
+
+class Transforms:
+    """Forward and back for one convolution; its arrays are overwritten by the next one.
+
+    The same bits come out for any number of threads.
+
+    Parameters
+    ----------
+    precision : np.float32 or np.float64
+    """
+
+    def __init__(self, precision: Precision) -> None:
+        self._type = np.result_type(precision, np.complex64)
+        self._arrays = KeptArrays()
+
+    def forward(
+        self, count: int, rows: int, padded: Lengths, make: Callable[[slice], Real]
+    ) -> Complex:
+        """The spectra of `count` fields, padded with zeros to (Py, Px): (count, Py, Px//2 + 1).
+
+        make : (some of the rows) -> (count, so many rows, columns)
+        """
+        py, px = padded
+        waves = self._arrays.array("waves", (count, py, px // 2 + 1), self._type)
+
+        def some(first: int, end: int) -> None:
+            waves[:, first:end] = fft.rfft(make(slice(first, end)), px, axis=2)
+
+        in_parts(rows, rows * count * px, some)
+        waves[:, rows:] = 0.0
+        along_y(fft.fft, waves)
+        return waves
+
+    def product(self, waves: Complex, components: int) -> Complex:
+        """Where to write so many components of each of `waves`: (components, *waves.shape)."""
+        return self._arrays.array("product", (components, *waves.shape), self._type)
+
+    def back(
+        self, product: Complex, rows: int, px: int, take: Callable[[slice, Real], None]
+    ) -> None:
+        """Transform the first rows of `product`, which is overwritten, and hand them over.
+
+        take : (some of the rows, (components, count, so many rows, Px)) -> None
+        """
+        components, count = product.shape[:2]
+        along_y(fft.ifft, product.reshape(-1, *product.shape[2:]))
+
+        def some(first: int, end: int) -> None:
+            take(slice(first, end), fft.irfft(product[:, :, first:end], px, axis=3))
+
+        in_parts(rows, rows * components * count * px, some)
+
+
+def along_y(transform: Callable[..., Complex], fields: Complex) -> None:
+    """Transform `fields` (n, Py, kx) along y, in place."""
+
+    def some(first: int, end: int) -> None:
+        here = fields[first:end]
+        moved = transform(here, axis=1, overwrite_x=True)
+        # scipy need not work in place, though it does.
+        if not np.may_share_memory(moved, here):
+            here[:] = moved
+
+    in_parts(len(fields), fields.size, some)
+
+
+def in_parts(count: int, numbers: int, task: Callable[[int, int], None]) -> None:
+    """Run task(first, end) on ranges that together are `count` rows of so many `numbers` in all.
+
+    Transforms and what is done between them share one set of threads. With a library's own for each
+    kind of work, one set still waits awake on the core that the next one needs: in every other
+    process such a phase took twice as long, as on one thread.
+    """
+    parts = shares(count, numbers // _NUMBERS_AT_ONCE + 1)
+    for_each(len(parts), lambda k: task(*parts[k]))

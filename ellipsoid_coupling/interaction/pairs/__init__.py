@@ -1,0 +1,1 @@
+"""The pair sum over particles, with a cell list."""

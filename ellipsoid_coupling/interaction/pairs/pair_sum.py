@@ -1,0 +1,330 @@
+"""The pair sum over particles with a cell list: every pair within reach is computed once.
+
+A cell's particles meet each other and those of the cells after it in the sorted order, which are
+three contiguous runs; the cells before it have already met it:
+
+        +---+---+---+---+---+
+        | 2 | 2 | 2 | 2 | 2 |     for all targets t of one cell the runs 0, 1, 2 are copied to one
+        +---+---+---+---+---+     buffer, t first, and a second buffer collects what they feel;
+        | 1 | 1 | 1 | 1 | 1 |     target k then meets all that stands behind it: a straight loop
+        +---+---+---+---+---+     over contiguous arrays, which vectorises
+        |   |   | t | 0 | 0 |
+        +---+---+---+---+---+
+
+What a block of rows adds to the two rows above it is kept apart (`RowSums.above`), so that blocks can
+run side by side; the order of summation follows from the cells and the blocks alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store, whole_vectors
+from ellipsoid_coupling.compiled.simd_sums import DOUBLES
+from ellipsoid_coupling.interaction.pairs.cells import (
+    C2,
+    CELLS_PER_REACH,
+    RECORD,
+    S2,
+    CellGrid,
+    Sources,
+    X,
+    Y,
+    copy_run,
+    gather,
+    sort_by_cell,
+)
+from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, pair_terms
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Pairs(NamedTuple):
+    """What the particles' sum needs: force per mass and torque per inertia are `*_weight` times U's.
+
+    `torque_weight` is None for circles, `ghosts` is None without walls: neither is then compiled.
+    """
+
+    grid: CellGrid
+    shape: PotentialShape
+    force_weight: float
+    torque_weight: float | None
+    ghosts: Sources | None
+    ghost_factor: float
+
+
+class RowSums(NamedTuple):
+    """Sums of dU/dx, dU/dy, dU/dtheta (over eps0) in the order of the sorted particles.
+
+    own : (n, 4) float64, of all particles, the last column unused; a block writes its own rows'.
+    above : (m, 4), of the m particles from `end` on, in the two rows above a block.
+    """
+
+    own: Floats
+    above: Floats
+    end: int
+
+
+@kernel
+def sum_in_lanes(values: Floats) -> float:
+    """The sum of whole vectors in eight interleaved parts, in a fixed order.
+
+    One running sum would wait for each addition, and a compiler that may reorder it rounds as it
+    likes.
+    """
+    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(0, values.size - values.size % 8, 8):
+        s0 += values[j]
+        s1 += values[j + 1]
+        s2 += values[j + 2]
+        s3 += values[j + 3]
+        s4 += values[j + 4]
+        s5 += values[j + 5]
+        s6 += values[j + 6]
+        s7 += values[j + 7]
+    return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7))
+
+
+@kernel
+def scratch(sources: Sources) -> tuple[Floats, Floats]:
+    """For `gather` and `sum_over_sources`: a buffer (4, m) and what it gives (3, m), m > n."""
+    room = sources.records.shape[0] + DOUBLES
+    return np.zeros((RECORD, room)), np.empty((3, room))
+
+
+@apart_kernel
+def _feel(
+    target: tuple[float, float, float, float],
+    others: Rows,
+    given: Rows,
+    count: int,
+    shape: PotentialShape,
+) -> None:
+    """What `count` others do to the target: `given`, 0 up to whole vectors behind the last one."""
+    x, y, c2, s2 = target
+    for j in range(whole_vectors(count)):
+        other = load(others, j)
+        _, by_x, by_y, by_theta = pair_potential(
+            other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
+        )
+        met = j < count
+        store(given, j, (by_x if met else 0.0, by_y if met else 0.0, by_theta if met else 0.0))
+
+
+@kernel
+def sum_over_sources(
+    target: tuple[float, float, float, float],
+    buffer: Floats,
+    count: int,
+    given: Floats,
+    shape: PotentialShape,
+) -> tuple[float, float, float]:
+    """Sum of dU/dx, dU/dy, dU/dtheta (over eps0) of one target (x, y, c2, s2) with the buffer.
+
+    buffer, given : see `scratch`.
+    """
+    end = whole_vectors(count)
+    _feel(target, rows_at(buffer, (X, Y, C2, S2), 0), rows_at(given, (0, 1, 2), 0), count, shape)
+    return sum_in_lanes(given[0, :end]), sum_in_lanes(given[1, :end]), sum_in_lanes(given[2, :end])
+
+
+@apart_kernel
+def _meet(
+    target: tuple[float, float, float, float],
+    others: Rows,
+    felt: Rows,
+    given: Rows,
+    count: int,
+    shape: PotentialShape,
+) -> None:
+    """What `count` others do to the target, (dU/dx, dU/dy, dU/dtheta), and add what they feel in turn.
+
+    given : 0 up to whole vectors behind the last one.
+    """
+    x, y, c2, s2 = target
+    for j in range(whole_vectors(count)):
+        other, before = load(others, j), load(felt, j)
+        _, by_x, by_y, by_theta, slope_bar = pair_terms(
+            other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
+        )
+        met = j < count
+        by_x, by_y = by_x if met else 0.0, by_y if met else 0.0
+        by_theta, slope_bar = by_theta if met else 0.0, slope_bar if met else 0.0
+        store(given, j, (by_x, by_y, by_theta))
+        store(felt, j, (before[0] - by_x, before[1] - by_y, before[2] + slope_bar))
+
+
+@kernel
+def _meet_the_rest(
+    t: int, count: int, buffer: Floats, felt: Floats, given: Floats, shape: PotentialShape
+) -> None:
+    """Pairs of the buffer's particle t with those behind it, up to `count`."""
+    rest = t + 1
+    end = whole_vectors(count - rest)
+    _meet(
+        (buffer[X, t], buffer[Y, t], buffer[C2, t], buffer[S2, t]),
+        rows_at(buffer, (X, Y, C2, S2), rest),
+        rows_at(felt, (0, 1, 2), rest),
+        rows_at(given, (0, 1, 2), 0),
+        count - rest,
+        shape,
+    )
+    for k in range(3):
+        felt[k, t] += sum_in_lanes(given[k, :end])
+
+
+@kernel
+def _runs(cell: int, row: int, sources: Sources, grid: CellGrid, runs: Integers) -> tuple[int, int]:
+    """The runs of a cell's picture above: begin and end (3, 2); how many, and their particles."""
+    column = cell - row * grid.columns
+    low = max(column - CELLS_PER_REACH, 0)
+    high = min(column + CELLS_PER_REACH, grid.columns - 1)
+    last = min(row + CELLS_PER_REACH, grid.rows - 1)
+    total = 0
+    for r in range(row, last + 1):
+        start = cell if r == row else r * grid.columns + low
+        runs[r - row, 0] = sources.first[start]
+        runs[r - row, 1] = sources.first[r * grid.columns + high + 1]
+        total += runs[r - row, 1] - runs[r - row, 0]
+    return last + 1 - row, total
+
+
+@kernel
+def _add_felt(felt: Floats, begin: int, end: int, count: int, out: Floats, start: int) -> int:
+    """Add felt (3, n) from `count` on to the particles begin .. end - 1 of out, which is from `start`."""
+    for j in range(begin, end):
+        for k in range(3):
+            out[j - start, k] += felt[k, count + j - begin]
+    return count + end - begin
+
+
+@kernel
+def _add_cell(
+    cell: int,
+    row: int,
+    sources: Sources,
+    pairs: Pairs,
+    work: tuple[Floats, Floats, Floats, Integers],
+    sums: RowSums,
+) -> None:
+    """All pairs of a cell's particles with each other and those behind them."""
+    buffer, felt, given, runs = work
+    here, _ = _runs(cell, row, sources, pairs.grid, runs)
+    count = 0
+    for r in range(here):
+        count = copy_run(sources.records, runs[r, 0], runs[r, 1], buffer, count)
+    for k in range(3):
+        for j in range(count):
+            felt[k, j] = 0.0
+    for t in range(sources.first[cell + 1] - sources.first[cell]):
+        _meet_the_rest(t, count, buffer, felt, given, pairs.shape)
+    count = 0
+    for r in range(here):
+        begin, end = runs[r]
+        if begin < sums.end:
+            count = _add_felt(felt, begin, end, count, sums.own, 0)
+        else:
+            count = _add_felt(felt, begin, end, count, sums.above, sums.end)
+
+
+@kernel
+def _add_ghosts(
+    ghosts: Sources | None,
+    cell: int,
+    row: int,
+    sources: Sources,
+    pairs: Pairs,
+    work: tuple[Floats, Floats] | None,
+    sums: RowSums,
+) -> None:
+    """What the walls' ghosts do to a cell's particles."""
+    if ghosts is not None and work is not None:
+        buffer, given = work
+        count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, buffer)
+        for t in range(sources.first[cell], sources.first[cell + 1] if count > 0 else 0):
+            x, y, c2, s2 = sources.records[t]
+            found = sum_over_sources((x, y, c2, s2), buffer, count, given, pairs.shape)
+            for k in range(3):
+                sums.own[t, k] += pairs.ghost_factor * found[k]
+
+
+@kernel
+def _ghost_work(ghosts: Sources | None) -> tuple[Floats, Floats] | None:
+    if ghosts is None:
+        return None
+    return scratch(ghosts)
+
+
+@kernel
+def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats) -> RowSums:
+    """The sums over all pairs whose first particle lies in rows[0] .. rows[1] - 1, and over ghosts.
+
+    Parameters
+    ----------
+    rows : (int, int)
+        At least two rows of cells, or the last one.
+    sources : Sources
+    pairs : Pairs
+    own : (n, 4) float64
+        The rows' part is overwritten.
+    """
+    grid, first = pairs.grid, sources.first
+    start, end = first[rows[0] * grid.columns], first[rows[1] * grid.columns]
+    top = first[min(rows[1] + CELLS_PER_REACH, grid.rows) * grid.columns]
+    sums = RowSums(own, np.zeros((top - end, RECORD)), end)
+    own[start:end] = 0.0
+    runs = np.empty((CELLS_PER_REACH + 1, 2), np.int64)
+    most = 0
+    for row in range(rows[0], rows[1]):
+        for cell in range(row * grid.columns, (row + 1) * grid.columns):
+            most = max(most, _runs(cell, row, sources, grid, runs)[1])
+    most += DOUBLES
+    work = np.zeros((RECORD, most)), np.zeros((3, most)), np.empty((3, most)), runs
+    ghost_work = _ghost_work(pairs.ghosts)
+    for row in range(rows[0], rows[1]):
+        for cell in range(row * grid.columns, (row + 1) * grid.columns):
+            if first[cell] < first[cell + 1]:
+                _add_cell(cell, row, sources, pairs, work, sums)
+                _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_work, sums)
+    return sums
+
+
+@kernel
+def _add_torques(own: Floats, rank: Integers, weight: float | None, force: Floats) -> None:
+    if weight is not None:
+        for i in range(rank.size):
+            force[2, i] -= weight * own[rank[i], 2]
+
+
+@kernel
+def add_sums(own: Floats, rank: Integers, pairs: Pairs, force: Floats) -> None:
+    """Add -grad U and -dU/dtheta from the sorted sums (n, 4) to the drift (D, N) of the particles."""
+    for i in range(rank.size):
+        force[0, i] -= pairs.force_weight * own[rank[i], 0]
+        force[1, i] -= pairs.force_weight * own[rank[i], 1]
+    _add_torques(own, rank, pairs.torque_weight, force)
+
+
+@kernel
+def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) -> None:
+    """Add the sums over -grad U of `eq:micro` to the drift of all particles of one realisation.
+
+    Parameters
+    ----------
+    place : (D, N) float64
+        x, y (and angle, not read here).
+    axis : (2, N)
+        cos and sin of 2 theta.
+    pairs : Pairs
+    force : (D, N)
+        Per mass and per inertia; added to in place.
+    """
+    sources, rank = sort_by_cell(place[0], place[1], axis[0], axis[1], pairs.grid)
+    own = np.empty((rank.size, RECORD))
+    sum_rows((0, pairs.grid.rows), sources, pairs, own)
+    add_sums(own, rank, pairs, force)

@@ -1,0 +1,139 @@
+"""The drift of one large cloud of particles, shared among threads.
+
+    parts of particles    axes, fluid, outer potentials
+    all                   sorted by cell
+    blocks of rows        pair sums, what they add to the rows above them kept apart, then added
+    parts of particles    the sums, brought back to the particles
+
+Parts and blocks follow from the particles, not from the number of threads, and so do all bits.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import for_each, kernel, shares
+from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes, still_frozen
+from ellipsoid_coupling.interaction.pairs.cells import RECORD, CellGrid, Sources, sort_into
+from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, RowSums, add_sums, sum_rows
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.uint8]
+
+# From so many particles on a realisation has all threads; with fewer, realisations share them.
+LEAST_LARGE = 5000
+
+# A task has at least so many particles (some 0.7 ms of pair sums), and there are at most so many.
+_LEAST_PER_TASK = 1250
+_MOST_TASKS = 32
+
+
+class LargeCloud:
+    """Sets the drift of a cloud of `number` particles; owns what that needs besides.
+
+    Parameters
+    ----------
+    drift : Drift
+    number : int
+    """
+
+    def __init__(self, drift: Drift, number: int) -> None:
+        self._alone = drift._replace(pairs=None)
+        self._axis = np.empty((2, number))
+        self._parts = shares(number, _tasks(number))
+        self._outside = np.zeros(len(self._parts), np.int64)
+        self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
+
+    def set_forces(self, place: Floats, force: Floats, frozen: Flags | None = None) -> int:
+        """Overwrite the drift (1, D, N) at `place`; returns as `particle_forces`, whose `frozen` it is."""
+
+        def own(part: int) -> None:
+            self._outside[part] = _part_forces(
+                self._alone, place[0], self._axis, force[0], self._parts[part]
+            )
+
+        for_each(len(self._parts), own)
+        if self._sum is not None:
+            self._add_pairs(self._sum, place[0], force[0], frozen)
+        still_frozen(frozen, force[0])
+        return int(self._outside.sum())
+
+    def _add_pairs(
+        self, pair_sum: PairSum, place: Floats, force: Floats, frozen: Flags | None
+    ) -> None:
+        moving = None if frozen is None or not frozen.any() else np.flatnonzero(frozen == 0)
+        if moving is None:
+            pair_sum.add(place, self._axis, force)
+        elif moving.size:
+            some = np.zeros((len(force), moving.size))
+            axis = np.ascontiguousarray(self._axis[:, moving])
+            fewer = PairSum(pair_sum.pairs, moving.size)
+            fewer.add(np.ascontiguousarray(place[:, moving]), axis, some)
+            force[:, moving] += some
+
+
+class PairSum:
+    """The pair sums of `number` particles on all threads; `add_pair_forces` is its twin on one."""
+
+    def __init__(self, pairs: Pairs, number: int) -> None:
+        self.pairs = pairs
+        cells = pairs.grid.columns * pairs.grid.rows
+        self._sources = Sources(np.empty((number, RECORD)), np.empty(cells + 1, np.int64))
+        self._rank = np.empty(number, np.int64)
+        self._own = np.empty((number, RECORD))
+        self._parts = shares(number, _tasks(number))
+
+    def add(self, place: Floats, axis: Floats, force: Floats) -> None:
+        """Add the sums at places (D, N) with axes (2, N) to the drift (D, N)."""
+        pairs, sources, own, rank = self.pairs, self._sources, self._own, self._rank
+        sort_into(place[0], place[1], axis[0], axis[1], pairs.grid, sources, rank)
+        blocks = list(pairwise(row_blocks(sources, pairs.grid)))
+        above: list[RowSums | None] = [None] * len(blocks)
+
+        def block(k: int) -> None:
+            above[k] = sum_rows(blocks[k], sources, pairs, own)
+
+        for_each(len(blocks), block)
+        for sums in above:
+            if sums is not None:
+                own[sums.end : sums.end + sums.above.shape[0]] += sums.above
+        for_each(len(self._parts), lambda k: _add_part(own, rank, pairs, force, self._parts[k]))
+
+
+def _tasks(number: int) -> int:
+    return min(_MOST_TASKS, max(number // _LEAST_PER_TASK, 1))
+
+
+def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
+    """Rows of cells at which blocks of about as many particles begin; the end is the last one.
+
+    A block has two rows at least, so that what it adds to the rows above it belongs to the next one.
+    """
+    until = sources.first[:: grid.columns]
+    number = int(until[-1])
+    wanted = np.arange(1, _tasks(number)) * (number / _tasks(number))
+    cuts = [0]
+    for row in np.searchsorted(until, wanted):
+        if row >= cuts[-1] + 2 and row < grid.rows:
+            cuts.append(int(row))
+    return [*cuts, grid.rows]
+
+
+@kernel
+def _part_forces(
+    drift: Drift, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
+) -> int:
+    """Axes and drift without pairs of the particles part[0] .. part[1] - 1."""
+    set_axes(place, axis, part)
+    return own_forces(drift, place, axis, force, part)
+
+
+@kernel
+def _add_part(
+    own: Floats, rank: Integers, pairs: Pairs, force: Floats, part: tuple[int, int]
+) -> None:
+    add_sums(own, rank[part[0] : part[1]], pairs, force[:, part[0] : part[1]])

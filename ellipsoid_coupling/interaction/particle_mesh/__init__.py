@@ -1,0 +1,1 @@
+"""The interaction of samples with their own density: deposit on nodes, convolve, interpolate."""

@@ -1,0 +1,98 @@
+"""The interaction of a cloud of samples with its own density as a sum over all their pairs, exact.
+
+    force_i = -eps0/S sum_j grad_r U(r_i, r_j, theta_i, theta_j),    torque_i with dU/dtheta
+
+The work grows like S^2, but not with the steepness of the potential: for few samples, and for slender
+particles, whose series in the angles never ends (`sample_forces`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.interaction.pairs.cells import (
+    C2,
+    S2,
+    CellGrid,
+    Sources,
+    X,
+    Y,
+    cell_grid,
+    gather,
+    sort_by_cell,
+)
+from ellipsoid_coupling.interaction.pairs.pair_sum import scratch, sum_over_sources
+from ellipsoid_coupling.physics.potential import PotentialShape
+
+Interval = tuple[float, float]
+
+
+class SamplePairs:
+    """Forces among the samples of a density, pair by pair; the same bits for any number of threads.
+
+    Parameters
+    ----------
+    x_range, y_range : (low, high)
+        Where the cells of the neighbour search lie; samples beyond interact as well.
+    shape : PotentialShape
+    strength : float
+        eps0.
+
+    Attributes
+    ----------
+    harmonics : int
+    nodes_per_width : float
+        0 both: there are neither a series nor nodes.
+    """
+
+    harmonics = 0
+    nodes_per_width = 0.0
+
+    def __init__(
+        self, x_range: Interval, y_range: Interval, shape: PotentialShape, strength: float
+    ) -> None:
+        self._grid = cell_grid(x_range, y_range, shape.reach)
+        self._shape, self._strength = shape, strength
+
+    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+        """Add the interaction to the drift of all samples, as `SampleInteraction.add_forces`."""
+        blocks, degrees, size = place.shape
+        x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
+        double = 2.0 * angle[0] if angle else np.zeros_like(x)
+        grid = self._grid
+        own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
+        sums = np.zeros((3, x.size))
+        for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
+        sums = sums[:, rank]
+        scale = -self._strength / x.size
+        for d in range(degrees):
+            weight = scale * (weights[1] if d == 2 else weights[0])
+            force[:, d] += weight * sums[d].reshape(blocks, size)
+
+
+@kernel
+def _sum_row(
+    row: int,
+    own: Sources,
+    grid: CellGrid,
+    shape: PotentialShape,
+    sums: Array,
+) -> None:
+    """Gradients of U/eps0, summed over all sources, of the samples in one row of cells: (3, S)."""
+    begin = row * grid.columns
+    if own.first[begin] == own.first[begin + grid.columns]:
+        return
+    buffer, given = scratch(own)
+    for column in range(grid.columns):
+        cell = begin + column
+        if own.first[cell] == own.first[cell + 1]:
+            continue
+        count = gather(own, column, row, grid, buffer)
+        for t in range(own.first[cell], own.first[cell + 1]):
+            here = own.records[t]
+            target = (here[X], here[Y], here[C2], here[S2])
+            sums[0, t], sums[1, t], sums[2, t] = sum_over_sources(
+                target, buffer, count, given, shape
+            )

@@ -1,0 +1,396 @@
+"""Samples to nodes and back by cubic B-splines: the compiled part of `sample_forces`.
+
+Samples are sorted by row and dealt out in equal parts, each of which deposits into a window of its
+own; the windows are added up in a fixed order, so that any number of threads gives the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.jit import for_each, inline_kernel, kernel, shares, view_kernel
+from ellipsoid_coupling.compiled.rows import whole_vectors
+from ellipsoid_coupling.compiled.simd_sums import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.interaction.convolution.kernel_spectra import Indices, Real
+from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.physics.elementary import cos_sin
+
+# Nodes about a point in each direction.
+STENCIL = 4
+# Samples are dealt out in this many parts at most, whatever the number of threads, ...
+PARTS = 32
+# ... to be deposited in fewer: every part has rows of nodes of its own, which are memory to go through.
+_WINDOWS = 8
+# A part has so many at least: to wake a thread takes as long as to sort or to spread those.
+_LEAST_SORTED, _LEAST_SPREAD = 20_000, 2_500
+# So many samples' b_p are written before the first is read: loading a vector waits for all of the
+# single numbers that were last stored there.
+_BATCH = 32
+
+
+class Nodes(NamedTuple):
+    """Where the nodes are: node (row, column) at (x_low + column h, y_low + row h)."""
+
+    x_low: float
+    y_low: float
+    inverse_h: float
+    rows: int
+    columns: int
+
+
+@inline_kernel
+def _spline_weights(t: float) -> Four:
+    """B at the four nodes about a point, t in [0, 1) after the second."""
+    s = 1.0 - t
+    return (
+        s * s * s / 6.0,
+        2.0 / 3.0 - t * t * (1.0 - 0.5 * t),
+        2.0 / 3.0 - s * s * (1.0 - 0.5 * s),
+        t * t * t / 6.0,
+    )
+
+
+@inline_kernel
+def _spline_slopes(t: float) -> Four:
+    """dB/dt at the same four."""
+    s = 1.0 - t
+    return -0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t
+
+
+@kernel
+def _first_node(coordinate: float, low: float, inverse_h: float, count: int) -> int:
+    """The first of the four nodes about a coordinate; -1 if they are not all there."""
+    node = math.floor((coordinate - low) * inverse_h) - 1.0
+    if not 0.0 <= node <= count - STENCIL:
+        return -1
+    return int(node)
+
+
+@kernel
+def _count_rows(
+    place: Array,
+    blocks: tuple[int, int],
+    nodes: Nodes,
+    slots: Indices,
+    counts: Indices,
+    columns: Indices,
+) -> None:
+    """Write each sample's first row of nodes to `slots`, -1 beyond the nodes, and count them.
+
+    columns : (2,), overwritten by the least and the largest first column.
+    """
+    size = place.shape[2]
+    least, largest = nodes.columns, -1
+    for k in range(blocks[0], blocks[1]):
+        for j in range(size):
+            row = _first_node(place[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
+            column = _first_node(place[k, 0, j], nodes.x_low, nodes.inverse_h, nodes.columns)
+            row = row if column >= 0 else -1
+            slots[k * size + j] = row
+            if row >= 0:
+                counts[row] += 1
+                least, largest = min(least, column), max(largest, column)
+    columns[0], columns[1] = least, largest
+
+
+@kernel
+def _fill_slots(
+    place: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
+) -> None:
+    """Put every sample where its row's next one belongs; `slots` tells where that is."""
+    size = place.shape[2]
+    for k in range(blocks[0], blocks[1]):
+        for j in range(size):
+            row = slots[k * size + j]
+            if row >= 0:
+                slot = counts[row]
+                counts[row] += 1
+                slots[k * size + j] = slot
+                for d in range(place.shape[1]):
+                    samples[slot, d] = place[k, d, j]
+
+
+@kernel
+def _set_starts(counts: Indices) -> Indices:
+    """Turn counts (parts, rows) into where each part's share of each row begins; (rows + 1,)."""
+    parts, rows = counts.shape
+    begin = np.zeros(rows + 1, np.int64)
+    for row in range(rows):
+        begin[row + 1] = begin[row]
+        for part in range(parts):
+            count = counts[part, row]
+            counts[part, row] = begin[row + 1]
+            begin[row + 1] += count
+    return begin
+
+
+class Sorted(NamedTuple):
+    """Copies of the samples within the nodes, sorted by the first row of their nodes.
+
+    samples : (n, D) float64
+    begin : (rows + 1,) int64, where the samples of each row begin
+    corner : the first row and the first column of nodes that any sample's stencil has
+    extent : how many rows and columns all stencils have; (0, 0) without samples
+    """
+
+    samples: Array
+    begin: Indices
+    corner: tuple[int, int]
+    extent: tuple[int, int]
+
+
+def sort_by_row(place: Array, nodes: Nodes, slots: Indices, room: KeptArrays) -> Sorted:
+    """Sort the samples; what lies beyond the nodes is left out.
+
+    A stable counting sort, so that whatever is done in this order, and what follows in the former
+    one, goes through memory row by row.
+
+    Parameters
+    ----------
+    place : (K, D, B) float64
+    nodes : Nodes
+    slots : (K B,) int64
+        Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
+    room : KeptArrays
+        What the samples are copied to, until the next call.
+    """
+    blocks = shares(len(place), min(PARTS, slots.size // _LEAST_SORTED))
+    counts = np.zeros((len(blocks), nodes.rows), np.int64)
+    columns = np.empty((len(blocks), 2), np.int64)
+    for_each(
+        len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k], columns[k])
+    )
+    begin: Indices = _set_starts(counts)
+    samples = room.array("samples", (begin[-1], place.shape[1]), np.float64)
+    for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
+    rows = np.flatnonzero(np.diff(begin))
+    if rows.size == 0:
+        return Sorted(samples, begin, (0, 0), (0, 0))
+    corner = int(rows[0]), int(columns[:, 0].min())
+    last = int(rows[-1]), int(columns[:, 1].max())
+    return Sorted(
+        samples, begin, corner, (last[0] - corner[0] + STENCIL, last[1] - corner[1] + STENCIL)
+    )
+
+
+def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
+    """Add what was found, (n, components) in sorted order, to the samples' drift (K, D, B)."""
+    blocks = shares(len(force), min(PARTS, slots.size // _LEAST_SORTED))
+    for_each(len(blocks), lambda k: _add_some(force, found, weights, slots, blocks[k]))
+
+
+@kernel
+def _add_some(
+    force: Array,
+    found: Array,
+    weights: tuple[float, float],
+    slots: Indices,
+    blocks: tuple[int, int],
+) -> None:
+    size = force.shape[2]
+    for k in range(blocks[0], blocks[1]):
+        for c in range(min(found.shape[1], force.shape[1])):
+            weight = weights[1] if c == 2 else weights[0]
+            for j in range(size):
+                slot = slots[k * size + j]
+                if slot >= 0:
+                    force[k, c, j] += weight * found[slot, c]
+
+
+@view_kernel
+def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> None:
+    """Write b_p of every sample's angle, and db_p/dtheta where `bases` has room for it.
+
+    Samples without an angle have the angle 0.
+
+    waves : (2, n or more), scratch
+    bases : (n or more, 1 or 2, 2M + 1 or more)
+    """
+    bases[: samples.shape[0], 0, 0] = 1.0
+    if functions == 1:
+        return
+    cosines, sines = waves[0], waves[1]
+    for i in range(samples.shape[0]):
+        cosines[i], sines[i] = cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
+    last = functions // 2
+    for i in range(samples.shape[0]):
+        c2, s2 = cosines[i], sines[i]
+        # Odd and even multiples turn on side by side: each product waits for the one before.
+        c4, s4 = c2 * c2 - s2 * s2, 2.0 * s2 * c2
+        cosine, sine, even_cosine, even_sine = c2, s2, c4, s4
+        basis, slopes = bases[i, 0], bases[i, bases.shape[1] - 1]
+        for m in range(1, last, 2):
+            basis[2 * m - 1], basis[2 * m] = cosine, sine
+            basis[2 * m + 1], basis[2 * m + 2] = even_cosine, even_sine
+            if bases.shape[1] == 2:
+                low, high = 2.0 * m, 2.0 * m + 2.0
+                slopes[2 * m - 1], slopes[2 * m] = -low * sine, low * cosine
+                slopes[2 * m + 1], slopes[2 * m + 2] = -high * even_sine, high * even_cosine
+            cosine, sine = cosine * c4 - sine * s4, sine * c4 + cosine * s4
+            even_cosine, even_sine = (
+                even_cosine * c4 - even_sine * s4,
+                even_sine * c4 + even_cosine * s4,
+            )
+        if last % 2 == 1:
+            basis[2 * last - 1], basis[2 * last] = cosine, sine
+            if bases.shape[1] == 2:
+                slopes[2 * last - 1], slopes[2 * last] = -2.0 * last * sine, 2.0 * last * cosine
+
+
+@inline_kernel
+def _place(x: float, y: float, nodes: Nodes) -> tuple[int, int, float, float]:
+    """First row and column of a sample's four by four nodes, and how far it is beyond the second."""
+    across = (x - nodes.x_low) * nodes.inverse_h
+    up = (y - nodes.y_low) * nodes.inverse_h
+    column, row = math.floor(across), math.floor(up)
+    return int(row) - 1, int(column) - 1, up - row, across - column
+
+
+class Windows(NamedTuple):
+    """The rows of nodes that each part of the samples writes to, one part's after the other's.
+
+    parts : (parts + 1,) int64, where each part of the samples begins
+    first : (parts,), the first row of its window
+    offsets : (parts + 1,), where its window begins among all windows' rows
+    """
+
+    parts: Indices
+    first: Indices
+    offsets: Indices
+
+
+def windows_of(begin: Indices) -> Windows:
+    """For samples whose rows begin there, dealt out in equal parts."""
+    count = max(1, min(_WINDOWS, int(begin[-1]) // _LEAST_SPREAD))
+    parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
+    first, last = (
+        np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
+    )
+    used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
+    return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
+
+
+def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, room: KeptArrays) -> Array:
+    """s_q at the nodes of all stencils, (functions, *here.extent); kept in `room`.
+
+    Every part of the samples deposits into rows of its own; these are added up in the parts' order.
+    """
+    samples, begin, corner, extent = here
+    windows = windows_of(begin)
+    parts, first, offsets = windows
+    shape = int(offsets[-1]), extent[1], whole_vectors(functions)
+    partial = room.array("windows", shape, np.float64)
+
+    def put(k: int) -> None:
+        window = partial[offsets[k] : offsets[k + 1]]
+        some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
+        work = np.empty((2, _BATCH)), np.zeros((_BATCH, 1, window.shape[2]))
+        _deposit(some, at, nodes, functions, work, window)
+
+    for_each(first.size, put)
+    sources = room.array("sources", (functions, *extent), np.float64)
+    rows = shares(extent[0], first.size)
+    for_each(len(rows), lambda k: _add_windows(partial, windows, mass, corner[0], rows[k], sources))
+    return sources
+
+
+@view_kernel
+def _deposit(
+    samples: Array,
+    corner: tuple[int, int],
+    nodes: Nodes,
+    functions: int,
+    work: tuple[Array, Array],
+    window: Array,
+) -> None:
+    waves, bases = work
+    window[:] = 0.0
+    for begin in range(0, samples.shape[0], _BATCH):
+        some = samples[begin : begin + _BATCH]
+        _set_bases(some, functions, waves, bases)
+        for i in range(some.shape[0]):
+            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            along_y, along_x = _spline_weights(up), _spline_weights(across)
+            at = row - corner[0], column - corner[1]
+            add_stencil(window, at, along_y, along_x, bases[i, 0])
+
+
+@kernel
+def _add_windows(
+    partial: Array,
+    windows: Windows,
+    scale: float,
+    first_row: int,
+    rows: tuple[int, int],
+    sources: Array,
+) -> None:
+    """Add up the windows' rows, counted from the first one of all; functions come to the front."""
+    _, first, offsets = windows
+    total = np.empty(partial.shape[1:])
+    for row in range(rows[0], rows[1]):
+        total[:] = 0.0
+        for part in range(first.size):
+            at = first_row + row - first[part]
+            if 0 <= at < offsets[part + 1] - offsets[part]:
+                total += partial[offsets[part] + at]
+        for p in range(sources.shape[0]):
+            for column in range(sources.shape[2]):
+                sources[p, row, column] = scale * total[column, p]
+
+
+def interpolate(
+    samples: Array,
+    nodes: Nodes,
+    corner: tuple[int, int],
+    potential: Real,
+    functions: int,
+    room: KeptArrays,
+) -> Array:
+    """Minus the slopes of sum_p b_p(theta) U_p(r) along x, y and theta at the samples: (n, D).
+
+    potential : (rows, columns, `whole_vectors` of functions)
+        U_p at a part of the nodes, from row and column `corner` on.
+    room : KeptArrays
+        What the result is written to.
+    """
+    found = room.array("found", samples.shape, np.float64)
+    parts = shares(len(samples), min(PARTS, len(samples) // _LEAST_SPREAD))
+
+    def read(k: int) -> None:
+        some = slice(*parts[k])
+        bases = np.zeros((_BATCH, 2, potential.shape[2]))
+        work = np.empty((2, _BATCH)), bases
+        _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])
+
+    for_each(len(parts), read)
+    return found
+
+
+@view_kernel
+def _interpolate_some(
+    samples: Array,
+    nodes: Nodes,
+    corner: tuple[int, int],
+    potential: Real,
+    functions: int,
+    work: tuple[Array, Array],
+    found: Array,
+) -> None:
+    waves, bases = work
+    for begin in range(0, samples.shape[0], _BATCH):
+        some, slopes = samples[begin : begin + _BATCH], found[begin : begin + _BATCH]
+        _set_bases(some, functions, waves, bases)
+        for i in range(some.shape[0]):
+            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            along_y = _spline_weights(up), _spline_slopes(up)
+            along_x = _spline_weights(across), _spline_slopes(across)
+            # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
+            at = row - corner[0], column - corner[1]
+            x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])
+            slopes[i, 0], slopes[i, 1] = -nodes.inverse_h * x, -nodes.inverse_h * y
+            if slopes.shape[1] == 3:
+                slopes[i, 2] = -turn

@@ -1,0 +1,53 @@
+"""The standard streams of a command: closed, full, or with nobody at the other end."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TextIO
+
+from ellipsoid_coupling.files.cache import CacheWarning
+
+
+def open_streams() -> None:
+    """Give the standard streams that the caller has closed a place to go, before a file takes it.
+
+    The first file opened would get the number of a closed stream, and with it what is printed.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
+
+
+def tell(text: str) -> None:
+    """Write to standard error; one that nobody reads is no reason for another status."""
+    with suppress(OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def drop(stream: TextIO) -> None:
+    """What a stream still holds goes nowhere: else Python complains about it at its end."""
+    with suppress(OSError, ValueError):  # ValueError: a stand-in without a file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+_python_shows: Callable[..., None] = warnings.showwarning
+
+
+def warn_in_one_line(
+    message: Warning | str, category: type[Warning], *place: object, **details: object
+) -> None:
+    """For `warnings.showwarning`: a cache that cannot be used is the user's matter, told like an error."""
+    if issubclass(category, CacheWarning):
+        tell(f"ellipsoid: {message}\n")
+    else:
+        _python_shows(message, category, *place, **details)

@@ -1,0 +1,138 @@
+"""Bounces off walls inside a step: one coordinate of one particle, from wall to wall.
+
+Between walls the force is linear in time, v' = f + s t - Gamma v, and the path known in closed form
+(`linear`). Where it meets a wall the velocity turns round and the path begins anew; the force does not
+turn round, so that a step over a wall is as exact as any other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.particles.linear import phi_functions
+
+# So many bounces a step are followed one by one.
+_MOST_BOUNCES = 64
+# Of the search for when a wall is met; it takes some eight turns, and two where the path is a parabola.
+_MOST_TURNS = 80
+_ROUNDING = 4e-16
+
+
+class Flight(NamedTuple):
+    """One coordinate of a particle on its way.
+
+    Attributes
+    ----------
+    place, velocity : float
+        At the start.
+    force, slope : float
+        The force then, and how it changes in a unit of time.
+    noise : float
+        What noise adds to the velocity at which the place moves.
+    damping : float
+    """
+
+    place: float
+    velocity: float
+    force: float
+    slope: float
+    noise: float
+    damping: float
+
+
+@kernel
+def _mean_velocity(flight: Flight, t: float) -> float:
+    """(r(t) - r(0))/t."""
+    phi1, phi2, phi3 = phi_functions(flight.damping * t)
+    pushed = t * (phi2 * flight.force + phi3 * t * flight.slope)
+    return phi1 * flight.velocity + pushed + flight.noise
+
+
+@kernel
+def _velocity(flight: Flight, t: float) -> float:
+    """v(t), without noise."""
+    z = flight.damping * t
+    phi1, phi2, _ = phi_functions(z)
+    pushed = t * (phi1 * flight.force + phi2 * t * flight.slope)
+    return math.exp(-z) * flight.velocity + pushed
+
+
+@kernel
+def _beyond(flight: Flight, wall: float, t: float) -> float:
+    """How far beyond a wall the path is at t; over t if it begins at the wall."""
+    gap, mean = flight.place - wall, _mean_velocity(flight, t)
+    return mean if gap == 0.0 else gap + t * mean
+
+
+@kernel
+def _search(flight: Flight, wall: float, turning: bool, end: float) -> float:
+    """When, before `end`, the path is at a wall, or where it turns round: regula falsi (Illinois)."""
+    a, b = 0.0, end
+    at_a = _velocity(flight, a) + flight.noise if turning else _beyond(flight, wall, a)
+    at_b = _velocity(flight, b) + flight.noise if turning else _beyond(flight, wall, b)
+    for _ in range(_MOST_TURNS):
+        if at_b == 0.0 or at_a == at_b:
+            break
+        c = b - at_b * (b - a) / (at_b - at_a)
+        at_c = _velocity(flight, c) + flight.noise if turning else _beyond(flight, wall, c)
+        if at_c * at_b < 0.0:
+            a, at_a = b, at_b
+        else:
+            at_a *= 0.5
+        moved = abs(c - b)
+        b, at_b = c, at_c
+        if moved <= _ROUNDING * end:
+            break
+    return min(max(b, 0.0), end)
+
+
+@kernel
+def _first_exit(flight: Flight, left: float, low: float, high: float) -> tuple[float, float]:
+    """The wall that the path crosses first, and a time when it is beyond; 0 if it crosses none."""
+    started, ended = flight.velocity + flight.noise, _velocity(flight, left) + flight.noise
+    if started * ended < 0.0:
+        # It turns round on the way: where it was furthest.
+        t = _search(flight, 0.0, True, left)
+        top = flight.place + t * _mean_velocity(flight, t)
+        if t > 0.0 and (top < low or top > high):
+            return low if top < low else high, t
+    end = flight.place + left * _mean_velocity(flight, left)
+    if end < low or end > high:
+        return low if end < low else high, left
+    return 0.0, 0.0
+
+
+@kernel
+def fly(flight: Flight, time: float, low: float, high: float) -> tuple[float, float, float, int]:
+    """Where a coordinate within low .. high is after `time`.
+
+    Returns
+    -------
+    (place, velocity, sign, bounces); the velocity is without noise, sign is -1 after an odd number of
+    bounces.
+    """
+    sign, left, resting = 1.0, time, False
+    for bounces in range(_MOST_BOUNCES):
+        wall, beyond = _first_exit(flight, left, low, high)
+        if beyond == 0.0:
+            end = flight.place + left * _mean_velocity(flight, left)
+            return min(max(end, low), high), _velocity(flight, left), sign, bounces
+        outwards = 1.0 if wall == high else -1.0
+        at_once = flight.place == wall and (flight.velocity + flight.noise) * outwards >= 0.0
+        if at_once and resting:
+            # Pressed against the wall, without speed: there it stays.
+            return wall, flight.velocity, sign, bounces
+        t = 0.0 if at_once else _search(flight, wall, False, beyond)
+        force = flight.force + t * flight.slope
+        speed = -_velocity(flight, t)
+        flight = Flight(wall, speed, force, flight.slope, -flight.noise, flight.damping)
+        sign, left, resting = -sign, left - t, at_once
+    place, turned = flight.place + left * (flight.velocity + flight.noise), 1.0
+    if low <= place <= high:
+        # It hops along the wall, ever so little: it keeps its energy.
+        return flight.place, flight.velocity, sign, _MOST_BOUNCES
+    place, turned = reflect(place, low, high)
+    return place, turned * flight.velocity, turned * sign, _MOST_BOUNCES

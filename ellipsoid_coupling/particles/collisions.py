@@ -1,0 +1,318 @@
+"""How long a step may be, so that nobody passes a neighbour unseen.
+
+A force that is 0 at both ends of a step tells nothing of what lies between. So no pair that may meet
+shall move, against one another, by more than a part of how thick a particle's potential is:
+
+    dt |v_i - v_j| <= c b,    b = sqrt(2) d the potential's reach on the short side, d = 2 D,
+                              c = (2/ln(1/tolerance))^{1/2}
+
+A chord of the potential that is shorter than c b lies where exp(-s/(1-s)) is below tolerance^2.
+
+To compare all pairs would cost as much as their forces. Instead the displacements d_i of a step are
+compared with a motion r -> A r + b that is fitted to some of them, of strain S (the symmetric part of A)
+and rotation W. In the frame that turns with W, particles delta apart move by S delta + e_i - e_j, so that
+those that come within `reach` move by less than
+
+    (S reach + e)/(1 - S),    e = 2 max |e_i| + lever max |dtheta_i - W|.
+
+Flows are smooth: e is small where particles are many. A neighbour that is too weak to move anyone by the
+tolerance in a step may be passed (`pull`); for all of them together the root mean square of e_i counts
+instead of the largest.
+
+With noise, a step that ends inside a neighbour is not repeated. Then c^2 is half of that, and the width at
+most the length in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the
+energy that the pair meets with, of heat and of the motion that is seen. Nothing here looks at the noise
+to come, so no outcome is preferred.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.particles.extremes import sum_and_largest
+from ellipsoid_coupling.particles.linear import linear_step
+from ellipsoid_coupling.particles.state import Contact, Limits, Rates
+from ellipsoid_coupling.physics.potential import PotentialShape
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
+
+# Rows of `Contact.pull`.
+PAIR, CROWD, WALL = range(3)
+
+# The largest of sqrt(s) exp(-s/(1-s))/(1-s)^2, at s = 0.577.
+_STEEPEST = 1.0852
+# The motion is fitted to about so many particles.
+_FITTED = 128
+_MOST_TRIALS = 40
+# Ghost particles stand half a length apart: so many act on a particle.
+GHOSTS_IN_REACH = 6.0
+
+
+def contact_of(
+    shape: PotentialShape,
+    tolerance: float,
+    pull: Floats,
+    ghosts: bool,
+    energies: tuple[float, float, float],
+) -> Contact:
+    """What `collision_step` must know of the particles.
+
+    Parameters
+    ----------
+    shape : PotentialShape
+    tolerance : float
+    pull : (3, D) float64
+        The largest acceleration by one neighbour, by all of them and by the walls' ghosts, in scales
+        of the tolerance: see `steepest`.
+    ghosts : bool
+        Whether walls have ghost particles.
+    energies : (float, float, float)
+        The height of a neighbour's potential (0 without noise), the thermal energy, and the mass.
+    """
+    thickness = shape.reach * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
+    noisy = energies[0] > 0.0
+    part = math.sqrt((1.0 if noisy else 2.0) / max(math.log(1.0 / tolerance), 2.0))
+    lever, ghost_reach = shape.reach - thickness, shape.reach * ghosts
+    return Contact(shape.reach, thickness, part, lever, pull, ghost_reach, *energies)
+
+
+def highest(shape: PotentialShape) -> float:
+    """U/eps0 of particles in one place: sqrt(kappa) of parallel ones."""
+    return 1.0 / math.sqrt(shape.bluntness * (1.0 + shape.shape_factor))
+
+
+def steepest(shape: PotentialShape) -> tuple[float, float]:
+    """Bounds of |grad_r U| and |dU/dtheta| over eps0, the latter by how far an angle moves U's rim."""
+    long_axis = shape.reach / math.sqrt(2.0)
+    short_axis = long_axis * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
+    height = highest(shape)
+    slope = _STEEPEST * math.sqrt(2.0) * height / short_axis
+    return slope, slope * math.sqrt(2.0) * (long_axis - short_axis)
+
+
+class Cloud(NamedTuple):
+    """Particles in K blocks: place, velocity, force (K, D, B) float64; frozen (K, B) uint8 or None."""
+
+    place: Floats
+    velocity: Floats
+    force: Floats
+    frozen: Flags | None = None
+
+
+class _Moves(NamedTuple):
+    """Displacements d = velocity v + force F of x, y and the angle in a step; noise is its spread."""
+
+    velocity: tuple[float, float]
+    force: tuple[float, float]
+    noise: float
+
+
+@kernel
+def _moves(rates: Rates, dt: float) -> _Moves:
+    first = linear_step(rates.damping[0], rates.amplitude[0], dt)
+    last = linear_step(rates.damping[-1], 0.0, dt)
+    return _Moves(
+        (first.place_velocity, last.place_velocity),
+        (first.place_force, last.place_force),
+        first.place_noise,
+    )
+
+
+@kernel
+def _matters(pull: Floats, rates: Rates, tolerance: float, dt: float) -> bool:
+    """Whether a push that a step misses moves anyone by more than the tolerance."""
+    for d in range(pull.size):
+        if linear_step(rates.damping[d], 0.0, dt).place_missed * pull[d] > tolerance:
+            return True
+    return False
+
+
+@kernel
+def _meets(frozen: Flags | None, k: int, i: int) -> bool:
+    """Whether particle i of block k meets anyone: frozen ones act on nobody."""
+    return frozen is None or frozen[k, i] == 0
+
+
+@kernel
+def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
+    """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
+    place, velocity, force, frozen = cloud
+    blocks, _, size = place.shape
+    stride = max(1, blocks * size // _FITTED)
+    means = np.zeros(4)
+    count = 0
+    for j in range(0, blocks * size, stride):
+        k, i = j // size, j % size
+        if _meets(frozen, k, i):
+            count += 1
+            for d in range(2):
+                means[d] += place[k, d, i]
+                move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
+                means[2 + d] += move
+    means /= max(count, 1)
+    squares, products = np.zeros(3), np.zeros((2, 2))
+    for j in range(0, blocks * size, stride):
+        k, i = j // size, j % size
+        if not _meets(frozen, k, i):
+            continue
+        x, y = place[k, 0, i] - means[0], place[k, 1, i] - means[1]
+        squares[0] += x * x
+        squares[1] += x * y
+        squares[2] += y * y
+        for d in range(2):
+            move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
+            products[d, 0] += (move - means[2 + d]) * x
+            products[d, 1] += (move - means[2 + d]) * y
+    # Of all motions that fit particles on a line, the least.
+    squares[0] += 1e-10 * (squares[0] + squares[2])
+    squares[2] += 1e-10 * (squares[0] + squares[2])
+    det = squares[0] * squares[2] - squares[1] * squares[1]
+    share = 1.0 / det if det > 0.0 else 0.0
+    return (
+        means[0],
+        means[1],
+        means[2],
+        means[3],
+        share * (products[0, 0] * squares[2] - products[0, 1] * squares[1]),
+        share * (products[0, 1] * squares[0] - products[0, 0] * squares[1]),
+        share * (products[1, 0] * squares[2] - products[1, 1] * squares[1]),
+        share * (products[1, 1] * squares[0] - products[1, 0] * squares[1]),
+    )
+
+
+@apart_kernel
+def _square_rests(
+    place: Floats,
+    velocity: Floats,
+    force: Floats,
+    moves: _Moves,
+    motion: tuple[float, ...],
+    rests: Floats,
+) -> None:
+    """|e_i|^2 and (dtheta_i - W)^2 of one block: rests (2, B)."""
+    x0, y0, dx0, dy0, xx, xy, yx, yy = motion
+    v, f = moves.velocity[0], moves.force[0]
+    for i in range(rests.shape[1]):
+        x, y = place[0, i] - x0, place[1, i] - y0
+        ex = v * velocity[0, i] + f * force[0, i] - dx0 - xx * x - xy * y
+        ey = v * velocity[1, i] + f * force[1, i] - dy0 - yx * x - yy * y
+        rests[0, i] = ex * ex + ey * ey
+    if place.shape[0] == 3:
+        v, f = moves.velocity[1], moves.force[1]
+        for i in range(rests.shape[1]):
+            turn = v * velocity[2, i] + f * force[2, i] - 0.5 * (yx - xy)
+            rests[1, i] = turn * turn
+
+
+@kernel
+def _leave_out(frozen: Flags | None, k: int, rests: Floats) -> None:
+    if frozen is not None:
+        for i in range(rests.shape[1]):
+            if frozen[k, i] != 0:
+                rests[:, i] = 0.0
+
+
+@kernel
+def _rests(
+    cloud: Cloud, moves: _Moves, motion: tuple[float, ...], crowd: bool
+) -> tuple[float, float]:
+    """The largest |e_i| and |dtheta_i - W|, or in a `crowd` their root mean squares."""
+    place, velocity, force, frozen = cloud
+    blocks, _, size = place.shape
+    rests = np.zeros((2, size))
+    found = np.zeros(2)
+    for k in range(blocks):
+        _square_rests(place[k], velocity[k], force[k], moves, motion, rests)
+        _leave_out(frozen, k, rests)
+        for kind in range(2):
+            total, largest = sum_and_largest(rests[kind])
+            found[kind] = found[kind] + total if crowd else max(found[kind], largest)
+    if crowd:
+        found /= blocks * size
+    return math.sqrt(found[0]), math.sqrt(found[1])
+
+
+@kernel
+def allowed_width(contact: Contact, speed: float) -> float:
+    """How far a pair that meets with so much relative speed may move against one another in a step."""
+    width = contact.part
+    energy = contact.heat + 0.25 * contact.mass * speed * speed
+    if contact.height > energy:
+        steep = math.log(contact.height / energy) if energy > 0.0 else np.inf
+        rest = 1.0 / (1.0 + steep)  # 1 - s, where exp(-s/(1-s)) is the energy over the height
+        width = min(width, 0.5 * rest * rest / math.sqrt(1.0 - rest))
+    return contact.thickness * width
+
+
+@kernel
+def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool, dt: float) -> float:
+    """The part of a step in which nobody passes another particle; see the module."""
+    motion = _fit(cloud, moves)
+    rest, turn = _rests(cloud, moves, motion, crowd)
+    xx, xy, yx, yy = motion[4:]
+    strain = 0.5 * abs(xx + yy) + math.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))
+    apart = 2.0 * rest + contact.lever * turn + 4.0 * moves.noise
+    meeting = strain * contact.reach + apart
+    width = allowed_width(contact, meeting / dt)
+    return width / (meeting + strain * width)
+
+
+@kernel
+def _part_at_walls(
+    contact: Contact, box: Floats | None, cloud: Cloud, moves: _Moves, dt: float
+) -> float:
+    """The part of a step in which nobody passes a neighbour or a wall's ghost on bouncing."""
+    if box is None:
+        return np.inf
+    place, velocity, force, _ = cloud
+    most = 0.0
+    v, f = moves.velocity[0], moves.force[0]
+    for k in range(place.shape[0]):
+        for d in range(2):
+            low, high = box[d, 0] + contact.ghost_reach, box[d, 1] - contact.ghost_reach
+            here, speed, push = place[k, d], velocity[k, d], force[k, d]
+            for i in range(here.size):
+                move = v * speed[i] + f * push[i]
+                near = not low <= here[i] + move <= high
+                most = max(most, abs(move) if near else 0.0)
+    most += 2.0 * moves.noise
+    return allowed_width(contact, most / dt) / most if most > 0.0 else np.inf
+
+
+@kernel
+def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: float) -> float:
+    """The part of a step of dt that may be taken."""
+    part = np.inf
+    pair = _matters(contact.pull[PAIR], rates, limits.tolerance, dt)
+    crowd = _matters(contact.pull[CROWD], rates, limits.tolerance, dt)
+    moves = _moves(rates, dt)
+    if pair or crowd:
+        part = _part_for_pairs(contact, cloud, moves, not pair, dt)
+    if pair or _matters(contact.pull[WALL], rates, limits.tolerance, dt):
+        part = min(part, _part_at_walls(contact, limits.box, cloud, moves, dt))
+    return part
+
+
+@kernel
+def _shortened(
+    contact: Contact | None, cloud: Cloud, rates: Rates, limits: Limits, dt: float
+) -> float:
+    if contact is not None:
+        for _ in range(_MOST_TRIALS):
+            part = _part(contact, cloud, rates, limits, dt)
+            if not part < 1.0:
+                break
+            dt *= max(0.1, 0.95 * part)
+    return dt
+
+
+@kernel
+def collision_step(cloud: Cloud, rates: Rates, limits: Limits, dt: float) -> float:
+    """The longest step, up to dt, in which nobody of a cloud passes a neighbour or a ghost unseen."""
+    return _shortened(limits.contact, cloud, rates, limits, dt)

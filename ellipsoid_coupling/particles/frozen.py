@@ -1,0 +1,105 @@
+"""Particles that leave the flow's mesh are frozen: at rest where they left it, acting on nobody.
+
+Beyond an outlet, or in a solid, nothing is known of the fluid. After each step the way from the old
+place to the new one is followed in steps of half a cell; at the first point outside the mesh the
+particle stays. Its velocity, force and noise are 0 from then on, so that every scheme leaves it
+there. Forces leave it out (`interaction.drift`). Nothing of this is compiled for scenes whose flow
+cannot be left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.flow.field import FlowArrays, in_mesh
+from ellipsoid_coupling.particles.state import Limits, ParticleState
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
+
+_STEPS_PER_CELL = 2.0
+# A particle that crosses the whole mesh in one step is followed no finer than this many times its cells.
+_MOST_STEPS = 4
+
+
+@kernel
+def frozen_row(frozen: Flags | None, k: int) -> Flags | None:
+    """The flags (N,) of realisation k; None where the flow cannot be left."""
+    if frozen is None:
+        return None
+    row: Flags = frozen[k]
+    return row
+
+
+@kernel
+def frozen_block(frozen: Flags | None, k: int) -> Flags | None:
+    """The flags (1, N) of realisation k alone; None where the flow cannot be left."""
+    if frozen is None:
+        return None
+    block: Flags = frozen[k : k + 1]
+    return block
+
+
+@kernel
+def places_before(mesh: FlowArrays | None, place: Floats) -> Floats | None:
+    """A copy of x and y (2, N) before a step, for `freeze`; None where the flow cannot be left."""
+    if mesh is None:
+        return None
+    return place[:2].copy()
+
+
+@kernel
+def freeze(state: ParticleState, k: int, limits: Limits, before: Floats | None) -> None:
+    """Freeze the particles of realisation k whose step from `before` has left the mesh, in place."""
+    _freeze(state.frozen, limits.mesh, before, state, k)
+
+
+@kernel
+def _freeze(
+    frozen: Flags | None,
+    mesh: FlowArrays | None,
+    before: Floats | None,
+    state: ParticleState,
+    k: int,
+) -> None:
+    if frozen is not None and mesh is not None and before is not None:
+        place, velocity, force = state.place[k], state.velocity[k], state.force[k]
+        for i in range(place.shape[1]):
+            if frozen[k, i] == 0:
+                here = (before[0, i], before[1, i]), (place[0, i], place[1, i])
+                left, x, y = first_outside(mesh, *here)
+                if left:
+                    frozen[k, i] = 1
+                    place[0, i], place[1, i] = x, y
+                    velocity[:, i] = 0.0
+                    force[:, i] = 0.0
+                    _silence(state.noise, k, i)
+
+
+@kernel
+def _silence(noise: Floats | None, k: int, i: int) -> None:
+    if noise is not None:
+        noise[k, :, :, i] = 0.0
+
+
+@kernel
+def first_outside(
+    mesh: FlowArrays, start: tuple[float, float], end: tuple[float, float]
+) -> tuple[bool, float, float]:
+    """Whether the straight way leaves the mesh, and its first point outside, or else its end.
+
+    What is no number has not left: the run has failed, which is told elsewhere.
+    """
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    if not abs(dx) + abs(dy) < np.inf:
+        return False, end[0], end[1]
+    ny, nx = mesh.mask.shape
+    way = _STEPS_PER_CELL * max(abs(dx) * mesh.inverse_dx, abs(dy) * mesh.inverse_dy)
+    parts = 1 + int(min(way, float(_MOST_STEPS * (nx + ny))))
+    for j in range(1, parts):
+        x, y = start[0] + dx * j / parts, start[1] + dy * j / parts
+        if not in_mesh(mesh, x, y):
+            return True, x, y
+    return not in_mesh(mesh, end[0], end[1]), end[0], end[1]

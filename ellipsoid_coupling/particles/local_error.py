@@ -1,0 +1,76 @@
+"""The error estimate of the scheme `accurate`: what the correction of a step would move.
+
+Its root mean square over all particles is measured, and the worst particle's.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.particles.extremes import sum_and_largest
+from ellipsoid_coupling.particles.linear import linear_step
+from ellipsoid_coupling.particles.predict_correct import Trial
+from ellipsoid_coupling.particles.state import ANGLE, Limits, ParticleState, Rates
+from ellipsoid_coupling.stepping.step_control import ANGLE_ERROR, POSITION_ERROR
+
+Floats = NDArray[np.float64]
+
+# How far beyond the tolerance the worst particle's error may be, among many that move smoothly.
+WORST = 10.0
+# How far the drift's change may move a velocity in a step, in thermal velocities.
+_THERMAL_PART = 0.05
+# Squared errors of a degree of freedom: their mean over the particles, and the largest.
+MEAN, LARGEST = range(2)
+
+
+@apart_kernel
+def _square_changes(force: Floats, later: Floats, squares: Floats) -> None:
+    for i in range(squares.size):
+        change = later[i] - force[i]
+        squares[i] = change * change
+
+
+@kernel
+def squared_errors(
+    state: ParticleState,
+    k: int,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+    out: Floats,
+) -> None:
+    """The squares of the correction over the scale, mean and largest: out (2, D).
+
+    With noise, the velocity's change by the drift over the thermal velocity A/sqrt(2 Gamma) as well.
+    """
+    squares = np.empty(state.place.shape[2])
+    for d in range(out.shape[1]):
+        damping, amplitude = rates.damping[d], rates.amplitude[d]
+        linear = linear_step(damping, 0.0, dt)
+        _square_changes(state.force[k, d], trial.force[d], squares)
+        total, largest = sum_and_largest(squares)
+        per_tolerance = (linear.place_missed / limits.scale[d]) ** 2
+        out[LARGEST, d] = largest * per_tolerance
+        if amplitude > 0.0:
+            thermal = linear.velocity_change / (_THERMAL_PART * amplitude) * limits.tolerance
+            per_tolerance = max(per_tolerance, 2.0 * damping * thermal * thermal)
+        out[MEAN, d] = total / squares.size * per_tolerance
+
+
+@kernel
+def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
+    """The error over the tolerance of the worst degree of freedom, and which kind it is.
+
+    squares : (2, D), as of `squared_errors`.
+    """
+    worst, kind = 0.0, POSITION_ERROR
+    for d in range(squares.shape[1]):
+        square = max(squares[MEAN, d], squares[LARGEST, d] / (WORST * WORST))
+        if not square <= worst:
+            worst, kind = square, ANGLE_ERROR if d == ANGLE else POSITION_ERROR
+    return math.sqrt(worst) / tolerance, kind

@@ -1,0 +1,218 @@
+"""One step of the scheme `accurate`: predict with a constant drift, correct with its change.
+
+The formulas are those of `exponential`; between the two a caller evaluates the drift.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.particles.bounces import Flight, fly
+from ellipsoid_coupling.particles.frozen import freeze, places_before
+from ellipsoid_coupling.particles.linear import LinearStep, linear_step
+from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
+
+Floats = NDArray[np.float64]
+
+
+class Trial(NamedTuple):
+    """Work arrays of one realisation, (D, N) each: what a step would lead to.
+
+    `place` is where a constant drift leads, within the walls; `force` is the drift there.
+    """
+
+    place: Floats
+    force: Floats
+
+
+@kernel
+def _noise_of(
+    noise: Floats | None, d: int, rates: Rates, linear: LinearStep, i: int
+) -> tuple[float, float]:
+    """R_n and W_n of one degree of freedom; without noise no memory is touched."""
+    if noise is None or not rates.first_noisy <= d < rates.last_noisy:
+        return 0.0, 0.0
+    component = d - rates.first_noisy
+    first = noise[2 * component, i]
+    second = noise[2 * component + 1, i]
+    return linear.place_noise * first, linear.shared_noise * first + linear.own_noise * second
+
+
+@kernel
+def _predict(state: ParticleState, k: int, d: int, linear: LinearStep, trial: Trial) -> None:
+    """The position at the step's end for a constant drift, before noise."""
+    place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
+    for i in range(place.size):
+        trial.place[d, i] = (
+            place[i] + linear.place_velocity * velocity[i] + linear.place_force * force[i]
+        )
+
+
+@kernel
+def _add_place_noise(
+    noise: Floats | None, d: int, rates: Rates, linear: LinearStep, place: Floats
+) -> None:
+    if noise is not None and rates.first_noisy <= d < rates.last_noisy:
+        for i in range(place.size):
+            place[i] += _noise_of(noise, d, rates, linear, i)[0]
+
+
+@kernel
+def _add_velocity_noise(
+    noise: Floats | None, d: int, rates: Rates, linear: LinearStep, velocity: Floats
+) -> None:
+    if noise is not None and rates.first_noisy <= d < rates.last_noisy:
+        for i in range(velocity.size):
+            velocity[i] += _noise_of(noise, d, rates, linear, i)[1]
+
+
+@kernel
+def _may_bounce(flight: Flight, linear: LinearStep, dt: float, low: float, high: float) -> bool:
+    """Whether the path may come to a wall within the step."""
+    way = linear.place_velocity * abs(flight.velocity) + linear.place_force * abs(flight.force)
+    way += linear.place_missed * abs(flight.slope) * dt + abs(flight.noise) * dt
+    return not low + way <= flight.place <= high - way
+
+
+@kernel
+def _predict_at_walls(
+    state: ParticleState,
+    k: int,
+    d: int,
+    noise: Floats | None,
+    rates: Rates,
+    walls: Floats,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Predict anew what may come to one of two walls."""
+    low, high = walls
+    linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+    place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
+    for i in range(place.size):
+        moved = _noise_of(noise, d, rates, linear, i)[0]
+        flight = Flight(place[i], velocity[i], force[i], 0.0, moved / dt, rates.damping[d])
+        if _may_bounce(flight, linear, dt, low, high):
+            trial.place[d, i] = fly(flight, dt, low, high)[0]
+
+
+@kernel
+def _correct(state: ParticleState, k: int, d: int, linear: LinearStep, trial: Trial) -> None:
+    """Finish the step of one degree of freedom, but for noise and walls."""
+    place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
+    for i in range(place.size):
+        change = trial.force[d, i] - force[i]
+        place[i] = trial.place[d, i] + linear.place_change * change
+        velocity[i] = (
+            linear.decay * velocity[i]
+            + linear.velocity_force * force[i]
+            + linear.velocity_change * change
+        )
+        force[i] = trial.force[d, i]
+
+
+@kernel
+def _correct_at_walls(
+    state: ParticleState,
+    k: int,
+    d: int,
+    noise: Floats | None,
+    rates: Rates,
+    walls: Floats,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Finish the step of one coordinate between two walls."""
+    low, high = walls
+    linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+    place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
+    for i in range(place.size):
+        change = trial.force[d, i] - force[i]
+        moved, kicked = _noise_of(noise, d, rates, linear, i)
+        flight = Flight(place[i], velocity[i], force[i], change / dt, moved / dt, rates.damping[d])
+        end, speed = trial.place[d, i] + linear.place_change * change, linear.decay * velocity[i]
+        speed += linear.velocity_force * force[i] + linear.velocity_change * change
+        if _may_bounce(flight, linear, dt, low, high):
+            there, after, sign, bounces = fly(flight, dt, low, high)
+            if bounces > 0:
+                end, speed, kicked = there, after, sign * kicked
+        place[i], sign = reflect(end, low, high)
+        velocity[i] = sign * (speed + kicked)
+        force[i] = trial.force[d, i]
+
+
+@kernel
+def predict_step(
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Where a step of realisation k leads for a constant drift: `trial` but for its force."""
+    for d in range(state.place.shape[1]):
+        linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+        _predict(state, k, d, linear, trial)
+        _add_place_noise(noise, d, rates, linear, trial.place[d])
+    _predict_in_box(limits.box, state, k, noise, rates, trial, dt)
+
+
+@kernel
+def _predict_in_box(
+    box: Floats | None,
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    trial: Trial,
+    dt: float,
+) -> None:
+    if box is not None:
+        for d in range(2):
+            _predict_at_walls(state, k, d, noise, rates, box[d], trial, dt)
+
+
+@kernel
+def accept_step(
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    limits: Limits,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Finish the step of realisation k that `trial` predicts, in place."""
+    before = places_before(limits.mesh, state.place[k])
+    for d in range(
+        _correct_in_box(limits.box, state, k, noise, rates, trial, dt), len(trial.place)
+    ):
+        linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+        _correct(state, k, d, linear, trial)
+        _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])
+    freeze(state, k, limits, before)
+
+
+@kernel
+def _correct_in_box(
+    box: Floats | None,
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    trial: Trial,
+    dt: float,
+) -> int:
+    """Finish the step of the coordinates that walls bound; returns how many those are."""
+    if box is None:
+        return 0
+    for d in range(2):
+        _correct_at_walls(state, k, d, noise, rates, box[d], trial, dt)
+    return 2

@@ -1,0 +1,164 @@
+"""The arrays that particle steppers work on; they belong to the model that made them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.flow.field import FlowArrays
+from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.particles.extremes import largest_size
+from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE
+
+Floats = NDArray[np.float64]
+
+# Degrees of freedom, the second axis of the state; ANGLE is there only if something turns.
+X, Y, ANGLE = range(3)
+
+
+class ParticleState(NamedTuple):
+    """All realisations (R) of all degrees of freedom (D = 3, or 2 where nothing turns).
+
+    Attributes
+    ----------
+    place, velocity : (R, D, N) float64
+        Positions and angle; velocities and angular velocity.
+    force : (R, D, N)
+        The drift at `place` without its linear part, per mass and per inertia.
+    clock : (R, CLOCK_COLUMNS)
+        See `stepping.step_control`.
+    noise : (R, steps, components, N) or None
+        Standard normal numbers; None without noise.
+    frozen : (R, N) uint8 or None
+        1 for particles that have left the flow's mesh; None where none can.
+    """
+
+    place: Floats
+    velocity: Floats
+    force: Floats
+    clock: Floats
+    noise: Floats | None
+    frozen: NDArray[np.uint8] | None = None
+
+
+class Rates(NamedTuple):
+    """The linear part of each degree of freedom: v' = -damping v + ... + amplitude dW/dt.
+
+    Attributes
+    ----------
+    damping, amplitude : (D,) float64
+        gamma + A^2/2 and A; gamma_bar + B^2/2 and B for the angle.
+    first_noisy, last_noisy : int
+        The noisy degrees of freedom are first_noisy .. last_noisy - 1.
+    """
+
+    damping: Floats
+    amplitude: Floats
+    first_noisy: int
+    last_noisy: int
+
+
+class Contact(NamedTuple):
+    """What bounds a step by who may meet in it; see `particles.collisions`.
+
+    Attributes
+    ----------
+    reach : float
+        The pair potential vanishes beyond this distance of the centres.
+    thickness : float
+        Its reach on the short side.
+    part : float
+        So much of the thickness may a pair within reach move against one another in a step.
+    lever : float
+        How far a particle's rim moves a radian that it turns, at most; 0 for circles.
+    pull : (3, D) float64
+        The largest acceleration by one neighbour, by all of them and by ghosts, in units of `scale`.
+    ghost_reach : float
+        Ghost particles of walls act so far into the box; 0 without.
+    height, heat, mass : float
+        Of one neighbour's potential (0 without noise, where steps are repeated), the thermal energy, and
+        a particle's mass.
+    """
+
+    reach: float
+    thickness: float
+    part: float
+    lever: float
+    pull: Floats
+    ghost_reach: float
+    height: float
+    heat: float
+    mass: float
+
+
+class Limits(NamedTuple):
+    """What bounds a step, and the box that reflects.
+
+    Attributes
+    ----------
+    step : float
+        The fixed step (leapfrog) or the first one (exponential).
+    tolerance : float
+        Error allowed a step, in units of `scale`.
+    scale : (D,) float64
+        The particle's length L for positions, 1 radian for the angle.
+    box : (2, 2) float64 or None
+        [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
+    mesh : FlowArrays or None
+        The flow whose mesh particles can leave, see `frozen`; None where none can.
+    contact : Contact or None
+        None without interaction.
+    """
+
+    step: float
+    tolerance: float
+    scale: Floats
+    box: Floats | None
+    mesh: FlowArrays | None = None
+    contact: Contact | None = None
+
+
+@kernel
+def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
+    """The normal numbers (components, N) of one step of realisation k."""
+    if noise is None:
+        return None
+    rows: Floats = noise[k, step]
+    return rows
+
+
+@kernel
+def largest_forces(force: Floats) -> tuple[float, float]:
+    """The largest |F_x| or |F_y| and |F_bar| of forces (D, N)."""
+    torque = largest_size(force[ANGLE]) if force.shape[0] > ANGLE else 0.0
+    return max(largest_size(force[X]), largest_size(force[Y])), torque
+
+
+@kernel
+def note_forces(clock: Floats, force: float, torque: float) -> None:
+    """Keep the largest force and torque of all steps."""
+    clock[LARGEST_FORCE] = max(clock[LARGEST_FORCE], force)
+    clock[LARGEST_TORQUE] = max(clock[LARGEST_TORQUE], torque)
+
+
+@kernel
+def all_finite(place: Floats) -> bool:
+    """Whether a (D, N) array holds neither NaN nor infinity."""
+    bad = 0
+    for d in range(place.shape[0]):
+        for i in range(place.shape[1]):
+            bad += 0.0 * place[d, i] != 0.0
+    return bad == 0
+
+
+@kernel
+def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
+    """Fold (D, N) positions back into the box, in place, and turn the velocities round there."""
+    if box is not None:
+        for d in range(2):
+            for i in range(place.shape[1]):
+                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
+                velocity[d, i] *= sign

@@ -1,0 +1,1 @@
+"""How long steps are, for every model: tried, judged, repeated, counted."""

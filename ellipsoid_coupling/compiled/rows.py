@@ -1,38 +1,35 @@
-"""Several rows of one array side by side, element by element as tuples, in kernels.
+"""Rows of one array side by side, element by element as tuples, in kernels (a structure of arrays).
 
 A loop that treats all fields of a cell at once touches each number once, where a loop a field reads
 again what the one before has written. How many fields there are is known when such a loop is compiled:
-it is the length of a tuple. Each function has a plain twin of the same name for Python.
+it is the length of a tuple. Kernels see addresses, without counting references and without checking
+bounds; Python sees views. `algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
-from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.intrinsics import emit_prefetch
-from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.compiled.simd_sums import DOUBLES
+from ellipsoid_coupling.compiled.lowering import compile_as
 
 # Numba ships half of its types: these functions have none.
 _unpack: Any = cgutils.unpack_tuple
 _uni_tuple: Any = types.UniTuple
 _is_tuple: Any = types.BaseTuple
-_of_types: Any = types.BaseTuple.from_types
+_tuple_of: Any = types.BaseTuple.from_types
 _points_to: Any = types.CPointer
 
 Floats = NDArray[np.float64]
 # Where some rows begin: addresses in kernels, views in Python.
 Rows = tuple[Floats, ...]
-Values = tuple[float, ...]
 
 
 def rows_at(array: NDArray[Any] | None, which: tuple[int, ...], first: int) -> Rows:
@@ -57,7 +54,7 @@ def store(rows: Rows, i: int, values: Values) -> None:
         row[i] = value
 
 
-def fetch(rows: Rows, i: int) -> None:
+def prefetch(rows: Rows, i: int) -> None:
     """Ask for the cache line of element i of each row, in kernels."""
     del rows, i
 
@@ -71,13 +68,17 @@ def element(array: NDArray[Any], i: int) -> Any:
     return array.reshape(-1)[i]
 
 
-def onwards(rows: Rows, i: int) -> Rows:
+def offset(rows: Rows, i: int) -> Rows:
     """The rows from element i on."""
     return tuple(row[i:] for row in rows)
 
 
-def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Values, ...]) -> Any:
+def map_fields(
+    formula: Callable[..., Any], shared: tuple[Any, ...], fields: tuple[Values, ...]
+) -> Any:
     """formula(*shared, a, b, ..) for the elements a, b, .. of tuples of the same length.
+
+    For formulas that `algebra` has no word for.
 
     Returns
     -------
@@ -85,62 +86,10 @@ def each(formula: Callable[..., Any], shared: tuple[Any, ...], tuples: tuple[Val
         Of what the formula returns; where that is several numbers, a tuple of each of them. Nothing
         for empty tuples.
     """
-    found = [formula(*shared, *values) for values in zip(*tuples, strict=True)]
+    found = [formula(*shared, *values) for values in zip(*fields, strict=True)]
     if not found:
         return ()
     return tuple(zip(*found, strict=True)) if isinstance(found[0], tuple) else tuple(found)
-
-
-@inline_kernel
-def whole_vectors(width: int) -> int:
-    """So many cells, or whatever numbers, are whole vectors.
-
-    Loops go on to there and leave out with an `if` what lies beyond ``width``: the rest of a loop
-    would go one cell at a time, which takes as long as three vectors.
-    """
-    return (width + DOUBLES - 1) // DOUBLES * DOUBLES
-
-
-@inline_kernel
-def row_of(rows: int, row: int, component: int) -> int:
-    """A row of a component that has so many rows, counted through all components (see `rows_at`)."""
-    return component * rows + row
-
-
-@inline_kernel
-def next_row(row: int) -> int:
-    """The row after it."""
-    return row + 1
-
-
-# Cache lines that the processor waits for at once.
-_LINES = 40
-
-
-@inline_kernel
-def piece_of(rows: int) -> int:
-    """So many cells of each of these rows may be asked for at once.
-
-    A loop over long rows goes piece by piece, and asks for the same piece of the next rows before it
-    works on one: the processor reads ahead too little by itself, and waits when asked for too much.
-    """
-    return max(1, _LINES // rows) * DOUBLES
-
-
-@inline_kernel
-def fetch_piece(rows: Rows, width: int) -> None:
-    """Ask for so many cells of each row."""
-    for i in range(0, width, DOUBLES):
-        fetch(rows, i)
-
-
-def _rows_of_nothing(array: None, which: tuple[int, ...], first: int) -> Rows:  # noqa: ARG001
-    return ()
-
-
-def total(values: Values) -> float:
-    """The sum, in order; 0 of none."""
-    return sum(values)
 
 
 def _check_contiguous(array: Any) -> None:
@@ -148,188 +97,119 @@ def _check_contiguous(array: Any) -> None:
         raise TypingError("a contiguous array is needed")
 
 
-def _rows_at(context: Any, array: Any, which: Any, first: Any) -> Any:
-    del context
-    _check_contiguous(array)
-    result = _uni_tuple(_points_to(array.dtype), which.count)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        whole = context.make_array(array)(context, builder, arguments[0])
-        length = _unpack(builder, whole.shape, array.ndim)[-1]
-        starts = []
-        for row in _unpack(builder, arguments[1], which.count):
-            place = builder.add(builder.mul(row, length), arguments[2])
-            starts.append(builder.gep(whole.data, [place]))
-        return context.make_tuple(builder, signature.return_type, starts)
-
-    return result(array, which, first), generate
-
-
-def _places(builder: Any, rows: Any, count: int, index: Any) -> list[Any]:
-    return [builder.gep(row, [index]) for row in _unpack(builder, rows, count)]
-
-
-def _load(context: Any, rows: Any, i: Any) -> Any:
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        places = _places(builder, arguments[0], rows.count, arguments[1])
-        values = [builder.load(place) for place in places]
-        return context.make_tuple(builder, signature.return_type, values)
-
-    kind = rows.dtype.dtype if rows.count > 0 else types.float64
-    return _of_types([kind] * rows.count)(rows, i), generate
-
-
-def _store(context: Any, rows: Any, i: Any, values: Any) -> Any:
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del signature
-        places = _places(builder, arguments[0], rows.count, arguments[1])
-        for place, value in zip(places, _unpack(builder, arguments[2], rows.count), strict=True):
-            builder.store(value, place)
-        return context.get_dummy_value()
-
-    return types.none(rows, i, values), generate
-
-
-def _fetch(context: Any, rows: Any, i: Any) -> Any:
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del signature
-        for place in _places(builder, arguments[0], rows.count, arguments[1]):
-            emit_prefetch(builder, place)
-        return context.get_dummy_value()
-
-    return types.none(rows, i), generate
-
-
-def _onwards(context: Any, rows: Any, i: Any) -> Any:
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        places = _places(builder, arguments[0], rows.count, arguments[1])
-        return context.make_tuple(builder, signature.return_type, places)
-
-    return rows(rows, i), generate
-
-
-def _element(context: Any, array: Any, i: Any) -> Any:
-    del context
-    _check_contiguous(array)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        return builder.load(builder.gep(data, [arguments[1]]))
-
-    return array.dtype(array, i), generate
-
-
-def _total(context: Any, values: Any) -> Any:
-    del context
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del context, signature
-        numbers = _unpack(builder, arguments[0], values.count)
-        if not numbers:
-            return ir.Constant(ir.DoubleType(), 0.0)
-        return functools.reduce(builder.fadd, numbers)
-
-    return types.float64(values), generate
-
-
-def _each(context: Any, formula: Any, shared: Any, tuples: Any) -> Any:
-    count = tuples[0].count
-    if count == 0:
-        return _none_of_each(formula, shared, tuples)
-    kinds = [*shared, *(one.dtype for one in tuples)]
-    single = formula.get_call_type(context, kinds, {})
-    result = single.return_type
-    several = isinstance(result, _is_tuple)
-    whole = _uni_tuple(result.dtype if several else result, count)
-    returned = _uni_tuple(whole, result.count) if several else whole
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del signature
-        call = context.get_function(formula, single)
-        first = _unpack(builder, arguments[1], len(kinds) - len(tuples))
-        packed = _unpack(builder, arguments[2], len(tuples))
-        columns = [_unpack(builder, one, count) for one in packed]
-        found = [call(builder, [*first, *values]) for values in zip(*columns, strict=True)]
-        if not several:
-            return context.make_tuple(builder, returned, found)
-        parts = [_unpack(builder, one, result.count) for one in found]
-        made = [context.make_tuple(builder, whole, part) for part in zip(*parts, strict=True)]
-        return context.make_tuple(builder, returned, made)
-
-    return returned(formula, shared, tuples), generate
-
-
-def _none_of_each(formula: Any, shared: Any, tuples: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del arguments
-        return context.make_tuple(builder, signature.return_type, ())
-
-    return _of_types(())(formula, shared, tuples), generate
-
-
-_compiled_total: Any = intrinsic(_total)
-_compiled_rows_at: Any = intrinsic(_rows_at)
-_compiled_load: Any = intrinsic(_load)
-_compiled_store: Any = intrinsic(_store)
-_compiled_fetch: Any = intrinsic(_fetch)
-_compiled_onwards: Any = intrinsic(_onwards)
-_compiled_element: Any = intrinsic(_element)
-_compiled_each: Any = intrinsic(_each)
-
-
-@overload(total, inline="always", strict=False)
-def _choose_total(values: Any) -> Any:
-    del values
-    return lambda values: _compiled_total(values)
-
-
-@overload(rows_at, inline="always", strict=False)
-def _choose_rows_at(array: Any, which: Any, first: Any) -> Any:
-    del which, first
+def _type_of_rows(context: Any, array: Any, which: Any, first: Any) -> Any:
+    del context, first
     if isinstance(array, types.NoneType):
-        return _rows_of_nothing
-    return lambda array, which, first: _compiled_rows_at(array, which, first)
+        return _tuple_of(())
+    _check_contiguous(array)
+    return _uni_tuple(_points_to(array.dtype), which.count)
 
 
-@overload(load, inline="always", strict=False)
-def _choose_load(rows: Any, i: Any) -> Any:
-    del rows, i
-    return lambda rows, i: _compiled_load(rows, i)
+def _emit_rows_at(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    array, which, _ = signature.args
+    if isinstance(array, types.NoneType):
+        return context.make_tuple(builder, signature.return_type, ())
+    whole = context.make_array(array)(context, builder, arguments[0])
+    length = _unpack(builder, whole.shape, array.ndim)[-1]
+    first = context.cast(builder, arguments[2], signature.args[2], types.intp)
+    starts = []
+    for row in _unpack(builder, arguments[1], which.count):
+        position = builder.add(builder.mul(row, length), first)
+        starts.append(builder.gep(whole.data, [position]))
+    return context.make_tuple(builder, signature.return_type, starts)
 
 
-@overload(store, inline="always", strict=False)
-def _choose_store(rows: Any, i: Any, values: Any) -> Any:
-    del rows, i, values
-    return lambda rows, i, values: _compiled_store(rows, i, values)
+def _addresses(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> list[Any]:
+    """Those of element `arguments[1]` of each of the rows `arguments[0]`."""
+    index = context.cast(builder, arguments[1], signature.args[1], types.intp)
+    rows = _unpack(builder, arguments[0], signature.args[0].count)
+    return [builder.gep(row, [index]) for row in rows]
 
 
-@overload(fetch, inline="always", strict=False)
-def _choose_fetch(rows: Any, i: Any) -> Any:
-    del rows, i
-    return lambda rows, i: _compiled_fetch(rows, i)
+def _type_of_values(context: Any, rows: Any, i: Any) -> Any:
+    del context, i
+    return _tuple_of([rows.dtype.dtype] * rows.count if rows.count else [])
 
 
-@overload(onwards, inline="always", strict=False)
-def _choose_onwards(rows: Any, i: Any) -> Any:
-    del rows, i
-    return lambda rows, i: _compiled_onwards(rows, i)
+def _emit_load(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    values = [builder.load(one) for one in _addresses(context, builder, signature, arguments)]
+    return context.make_tuple(builder, signature.return_type, values)
 
 
-@overload(element, inline="always", strict=False)
-def _choose_element(array: Any, i: Any) -> Any:
-    del array, i
-    return lambda array, i: _compiled_element(array, i)
+def _emit_store(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    rows, _, held = signature.args
+    values = _unpack(builder, arguments[2], rows.count)
+    addresses = _addresses(context, builder, signature, arguments)
+    for address, value, kind in zip(addresses, values, held.types, strict=True):
+        builder.store(context.cast(builder, value, kind, rows.dtype.dtype), address)
+    return context.get_dummy_value()
 
 
-@overload(each, inline="always", strict=False)
-def _choose_each(formula: Any, shared: Any, tuples: Any) -> Any:
-    del formula, shared, tuples
-    return lambda formula, shared, tuples: _compiled_each(formula, shared, tuples)
+def _emit_prefetch(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    for address in _addresses(context, builder, signature, arguments):
+        emit_prefetch(builder, address)
+    return context.get_dummy_value()
+
+
+def _emit_offset(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    addresses = _addresses(context, builder, signature, arguments)
+    return context.make_tuple(builder, signature.return_type, addresses)
+
+
+def _type_of_element(context: Any, array: Any, i: Any) -> Any:
+    del context, i
+    _check_contiguous(array)
+    return array.dtype
+
+
+def _emit_element(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+    index = context.cast(builder, arguments[1], signature.args[1], types.intp)
+    return builder.load(builder.gep(data, [index]))
+
+
+def _single_call(context: Any, formula: Any, shared: Any, fields: Any) -> Any:
+    """The signature of the formula for one element of each tuple."""
+    return formula.get_call_type(context, [*shared, *(one.dtype for one in fields)], {})
+
+
+def _type_of_map(context: Any, formula: Any, shared: Any, fields: Any) -> Any:
+    count = fields[0].count
+    if count == 0:
+        return _tuple_of(())
+    made = _single_call(context, formula, shared, fields).return_type
+    if isinstance(made, _is_tuple):
+        return _uni_tuple(_uni_tuple(made.dtype, count), made.count)
+    return _uni_tuple(made, count)
+
+
+def _emit_map(context: Any, builder: Any, signature: Any, arguments: list[Any]) -> Any:
+    formula, shared, fields = signature.args
+    returned, count = signature.return_type, fields[0].count
+    if count == 0:
+        return context.make_tuple(builder, returned, ())
+    single = _single_call(context.typing_context, formula, shared, fields)
+    call = context.get_function(formula, single)
+    first = _unpack(builder, arguments[1], len(shared))
+    packed = _unpack(builder, arguments[2], len(fields))
+    columns = [_unpack(builder, one, count) for one in packed]
+    found = [call(builder, [*first, *values]) for values in zip(*columns, strict=True)]
+    if not isinstance(single.return_type, _is_tuple):
+        return context.make_tuple(builder, returned, found)
+    parts = [_unpack(builder, one, returned.count) for one in found]
+    made = [context.make_tuple(builder, returned.dtype, part) for part in zip(*parts, strict=True)]
+    return context.make_tuple(builder, returned, made)
+
+
+def _type_of_nothing(context: Any, *operands: Any) -> Any:
+    del context, operands
+    return types.none
+
+
+compile_as(rows_at, _type_of_rows, _emit_rows_at)
+compile_as(load, _type_of_values, _emit_load)
+compile_as(store, _type_of_nothing, _emit_store)
+compile_as(prefetch, _type_of_nothing, _emit_prefetch)
+compile_as(element, _type_of_element, _emit_element)
+compile_as(offset, lambda context, rows, i: rows, _emit_offset)  # noqa: ARG005
+compile_as(map_fields, _type_of_map, _emit_map)

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
@@ -15,7 +16,8 @@ from ellipsoid_coupling.compiled.jit import (
     threads_for,
     view_kernel,
 )
-from ellipsoid_coupling.compiled.rows import Rows, Values, each, load, rows_at, store, whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 
@@ -63,7 +65,7 @@ def _either(first: bool, one: float, other: float) -> float:
 def _ghost(edge: Values, image: Values, inwards: float, reflecting: bool) -> Values:
     """What a ghost holds: its image turned round, or the edge where that moves outwards."""
     mirrored = reflecting | (edge[ALONG] * inwards > 0.0)
-    held = each(_either, (mirrored,), (image, edge))
+    held = map_fields(_either, (mirrored,), (image, edge))
     along = -held[ALONG] if mirrored else held[ALONG]
     return (held[DENSITY], along, *held[2:])
 
@@ -85,7 +87,7 @@ def fill_ends(cells: Rows, n: int, reflecting: bool) -> None:
 def _fill_side(
     edge: Rows, image: Rows, ghost: Rows, inwards: float, mirror: bool, width: int
 ) -> None:
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             store(ghost, i, _ghost(load(edge, i), load(image, i), inwards, mirror))
 

@@ -14,8 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import (
+    Values,
+    add,
+    axpy,
+    fill,
+    scale,
+    total,
+)
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
-from ellipsoid_coupling.compiled.rows import Rows, Values, each, load, rows_at, total
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.external import sine_torque
 
@@ -104,22 +112,6 @@ def drive_at(terms: CellTerms, forces: Any, place: tuple[int, int, int], force_r
     )
 
 
-@inline_kernel
-def _times(weight: float, value: float) -> float:
-    return weight * value
-
-
-@inline_kernel
-def _jeffery(c2: float, s2: float, a: float, b: float, c: float) -> float:
-    return a + b * s2 + c * c2
-
-
-@inline_kernel
-def first_of(value: float, _: float) -> float:
-    """`value`, once for each: of a tuple that may be empty."""
-    return value
-
-
 @kernel
 def outer_torque(amplitude: float | None, angle: float) -> float:
     """-dV2/dtheta; 0 without V2."""
@@ -134,10 +126,10 @@ def driven(
 
     double : cos 2 theta and sin 2 theta; outer : -dV2/dtheta.
     """
-    weight = (drive.inverse_mass,)
-    x = total(load(drive.steady[0], i) + each(_times, weight, (load(drive.force[0], i),)))
-    y = total(load(drive.steady[1], i) + each(_times, weight, (load(drive.force[1], i),)))
+    x = total(load(drive.steady[0], i) + scale(drive.inverse_mass, load(drive.force[0], i)))
+    y = total(load(drive.steady[1], i) + scale(drive.inverse_mass, load(drive.force[1], i)))
     a, b, c = load(drive.turning[0], i), load(drive.turning[1], i), load(drive.turning[2], i)
-    torque = each(_times, (drive.inverse_inertia,), (load(drive.torque, i),))
-    turn = total(each(_jeffery, double, (a, b, c)) + torque) + outer
-    return (x, y, *each(first_of, (turn,), (spins,)))
+    torque = scale(drive.inverse_inertia, load(drive.torque, i))
+    c2, s2 = double
+    turn = total(add(axpy(b, s2, a), scale(c2, c)) + torque) + outer
+    return (x, y, *fill(turn, spins))

@@ -18,14 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, one_by_one, parallel_kernel
-from ellipsoid_coupling.compiled.rows import (
-    Rows,
-    fetch_piece,
-    load,
-    piece_of,
-    rows_at,
-    whole_vectors,
-)
+from ellipsoid_coupling.compiled.loops import block_size, prefetch_block, round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at
 from ellipsoid_coupling.finite_volume.fluxes.contract import DENSITY
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 
@@ -60,7 +54,7 @@ def _raise_to_jumps(cells: Rows, above: Rows, width: int, least: float, peaks: F
 
     cells, above : density and both momenta.
     """
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             here, beside, upper = load(cells, i), load(cells, i + 1), load(above, i)
             x = _jump(here[DENSITY], here[_X], beside[DENSITY], beside[_X], least)
@@ -101,7 +95,7 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
     lines = extents.shape[0] * rows
     tasks = min(lines, _TASKS)
     # Rows of a component, all its planes one after another.
-    plane, piece = fields.shape[1] * fields.shape[2], piece_of(3)
+    plane, piece = fields.shape[1] * fields.shape[2], block_size(3)
     jumps = np.zeros(tasks)
     for task in numba.prange(tasks):
         peaks = np.zeros(fields.shape[3])
@@ -117,7 +111,7 @@ def _largest_jump(fields: Floats, skipped: int, extents: Indices, least: float) 
                 for first in range(end - width, end, piece):
                     # The row above has been asked for with the one before.
                     coming = row + 2
-                    fetch_piece(
+                    prefetch_block(
                         rows_at(fields, (coming, coming + plane, coming + 2 * plane), first), piece
                     )
                     cells = rows_at(fields, (row, row + plane, row + 2 * plane), first)

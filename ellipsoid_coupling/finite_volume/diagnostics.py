@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import axpy
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
@@ -16,7 +17,8 @@ from ellipsoid_coupling.compiled.jit import (
     threads_for,
     view_kernel,
 )
-from ellipsoid_coupling.compiled.rows import Rows, each, load, row_of, rows_at, store, whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import DENSITY
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 
@@ -43,13 +45,13 @@ def _with_square(inverse: float, total: float, carried: float) -> float:
 @apart_kernel
 def _survey_row(cells: Rows, width: int, sums: Rows) -> None:
     """Add a row to the sums of each column; `cells` ends with the angular momentum, if there is any."""
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             cell, before = load(cells, i), load(sums, i)
             rho = cell[DENSITY]
             share = 0.0 if rho == 0.0 else 1.0 / rho
             motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * share
-            spin = each(_with_square, (share,), (before[_SPIN:], cell[3:]))
+            spin = map_fields(_with_square, (share,), (before[_SPIN:], cell[3:]))
             least = min(before[_LEAST], rho)
             store(sums, i, (before[_MASS] + rho, least, motion, *spin))
 
@@ -73,7 +75,7 @@ def _survey(
         here = rows_at(sums, kinds, 0)
         for line in range(task * lines // tasks, (task + 1) * lines // tasks):
             row = (first + line // rows) * fields.shape[2] + line % rows + GHOSTS
-            cells = rows_at(fields, each(row_of, (plane, row), (components,)), GHOSTS)
+            cells = rows_at(fields, axpy(components, plane, row), GHOSTS)
             _survey_row(cells, columns, here)
         for k in range(len(components)):
             found[task, k] = sums[k].min() if k == _LEAST else sums[k].sum()

@@ -12,14 +12,12 @@ the rows are in cache:
 Where a run of rows is cut into strips, so that all threads have some, a strip looks at two rows beyond
 its ends that another one changes. Copies of these are made before (and swept along x where x comes
 first): what comes out is that of two sweeps, bit for bit.
-
-What else is done to each row before and after, cell by cell (`row_work.py`), is done here on the way.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -31,13 +29,13 @@ from ellipsoid_coupling.compiled.jit import (
     parallel_kernel,
     view_kernel,
 )
+from ellipsoid_coupling.compiled.loops import prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
-from ellipsoid_coupling.compiled.rows import Rows, fetch_piece, rows_at, whole_vectors
+from ellipsoid_coupling.compiled.rows import Rows, rows_at
 from ellipsoid_coupling.compiled.simd_sums import DOUBLES
 from ellipsoid_coupling.finite_volume.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
-from ellipsoid_coupling.finite_volume.row_work import work_on_row
 from ellipsoid_coupling.finite_volume.sweep import (
     March,
     RowScratch,
@@ -168,24 +166,14 @@ def _fill_row(cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> Non
 
 
 @view_kernel
-def _fill_worked_row(work: Any, cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> None:
-    """Fill the ghosts of one row that has been worked on, if there was anything to do."""
-    if work is not None:
-        _fill_row(cells, plane, span, reflecting)
-
-
-@view_kernel
-def _copy_beside_cut(
-    task: int, flux: Flux, whole: _Whole, before: Any, scratch: RowScratch
-) -> None:
-    """Copy a row beside a cut, work on the copy and, where x comes first, sweep it along x."""
+def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) -> None:
+    """Copy a row beside a cut and, where x comes first, sweep the copy along x."""
     cut, row = task // _COPIED, task % _COPIED
     plane, move, copy = whole.plane, whole.move, whole.copies[cut, row]
     cell = whole.strips.above[cut] + (row - GHOSTS) * plane.row
     start = _start_of(plane, cell)
     copy_row(rows_at(whole.fields, whole.x, start), rows_at(copy, whole.x, 0), plane.row)
     a, j = _line_of(plane, cell)
-    work_on_row(before, rows_at(copy, whole.x, GHOSTS), j, plane.columns, 0)
     if move.x_first:
         span = whole.spans[a, j]
         _fill_row(rows_at(copy, whole.x, 0), plane, span, move.reflecting)
@@ -226,7 +214,7 @@ def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
     part = march.width // 2
     if row < march.length:
         cells = march.first + row * march.stride + half * part
-        fetch_piece(rows_at(whole.fields, whole.x, cells), part)
+        prefetch_block(rows_at(whole.fields, whole.x, cells), part)
 
 
 @view_kernel
@@ -234,8 +222,6 @@ def _sweep_strip(
     strip: int,
     flux: Flux,
     whole: _Whole,
-    before: Any,
-    after: Any,
     march: March,
     scratch: RowScratch,
     room: Floats,
@@ -250,22 +236,18 @@ def _sweep_strip(
     lowest = march.first - j * plane.row, march.width, plane.row
     at_low = j < GHOSTS and cuts[0] < 0
     at_high = j + length > plane.rows - GHOSTS and cuts[1] < 0
-    if move.x_first and before is None:
+    if move.x_first:
         # All at once: each by itself would wait for its row to come from memory.
         for row in range(length):
             cells = rows_at(whole.fields, whole.x, start + row * plane.row)
             _fill_row(cells, plane, whole.spans[a, j + row], move.reflecting)
     begin, ready, done = first_row(flux, whole.y, room), 0, 0
     # Of the rows that nothing has looked at yet, the one that the next turn comes to.
-    coming = 2 if before is None and not move.x_first else _AHEAD + 1
+    coming = _AHEAD + 1 if move.x_first else 2
     for row in range(begin, length + 1):
         _fetch_half(whole, march, row + coming, 0)
         while ready < min(row + _AHEAD, length):
-            cells = rows_at(whole.fields, whole.x, start + ready * plane.row)
-            inner = rows_at(whole.fields, whole.x, start + ready * plane.row + GHOSTS)
-            work_on_row(before, inner, j + ready, plane.columns, strip)
             if move.x_first:
-                _fill_worked_row(before, cells, plane, whole.spans[a, j + ready], move.reflecting)
                 _sweep_x(flux, whole, a, j + ready, scratch)
             ready += 1
             ends = at_low and ready == min(GHOSTS, length), at_high and ready == length
@@ -294,25 +276,23 @@ def _sweep_strip(
                 cells = rows_at(whole.fields, whole.x, start + done * plane.row)
                 _fill_row(cells, plane, whole.spans[a, j + done], move.reflecting)
                 _sweep_x(flux, whole, a, j + done, scratch)
-            inner = rows_at(whole.fields, whole.x, start + done * plane.row + GHOSTS)
-            work_on_row(after, inner, j + done, plane.columns, strip)
             done += 1
 
 
 @parallel_kernel
-def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole, Any, Any]) -> None:
+def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole]) -> None:
     packed = pack(arguments)
     for task in numba.prange(copies):
-        flux, whole, before, _ = unpack(packed)
-        _copy_beside_cut(signed(task), flux, whole, before, row_scratch(whole.plane.row))
+        flux, whole = unpack(packed)
+        _copy_beside_cut(signed(task), flux, whole, row_scratch(whole.plane.row))
     for task in numba.prange(strips):
-        flux, whole, before, after = unpack(packed)
+        flux, whole = unpack(packed)
         cut, row = whole.strips, whole.plane.row
         march = March(cut.first[task], cut.length[task], cut.width[task], row)
         # Not beyond the last cell of all, where the march looks at the row above the last one.
         left = whole.fields.shape[1] - march.first - (march.length + 1) * row
-        room = march_room(whole.y, min(whole_vectors(march.width), left))
-        _sweep_strip(signed(task), flux, whole, before, after, march, row_scratch(row), room)
+        room = march_room(whole.y, min(round_up_to_vectors(march.width), left))
+        _sweep_strip(signed(task), flux, whole, march, row_scratch(row), room)
 
 
 def sweep_planes(
@@ -322,7 +302,6 @@ def sweep_planes(
     strips: Strips,
     spans: Indices,
     move: Move,
-    work: tuple[Any, Any] = (None, None),
 ) -> float:
     """Transport along x and y, in place, ghosts included; as sweeps along one and the other would.
 
@@ -339,9 +318,6 @@ def sweep_planes(
     spans : (planes, rows, 2) int64
         First column and end of what moves along x in each row; the end is 0 where nothing does.
     move : Move
-    work : (NamedTuple or None, NamedTuple or None)
-        What is done to each row before transport and after it (`row_work.py`), of planes that are
-        filled.
 
     Returns
     -------
@@ -351,9 +327,9 @@ def sweep_planes(
     # A number for each row and for both ends of each plane: their sum does not depend on the strips.
     gone = np.zeros((spans.shape[0], plane.rows + 2))
     x, y = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
-    cuts, longest = strips.above.size, whole_vectors(plane.row) + DOUBLES
+    cuts, longest = strips.above.size, round_up_to_vectors(plane.row) + DOUBLES
     copies = np.empty((cuts, _COPIED, len(x), longest))
     whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone)
     with few_by_few(strips.first.size):
-        _sweep_planes(cuts * _COPIED, strips.first.size, (flux, whole, *work))
+        _sweep_planes(cuts * _COPIED, strips.first.size, (flux, whole))
     return float(gone.sum())

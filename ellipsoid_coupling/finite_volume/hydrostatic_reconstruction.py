@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values, total
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
@@ -22,16 +23,8 @@ from ellipsoid_coupling.compiled.jit import (
     parallel_kernel,
     view_kernel,
 )
-from ellipsoid_coupling.compiled.rows import (
-    Rows,
-    Values,
-    each,
-    load,
-    rows_at,
-    store,
-    total,
-    whole_vectors,
-)
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL
 from ellipsoid_coupling.physics.elementary import exp_of_negative
@@ -67,10 +60,12 @@ def _set_run(
 
     weights : h/2 and w, with the sign of the work.
     """
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
-            pull = each(_together, weights[:1], (load(pulls[0], i), load(pulls[1], i)))
-            drop = each(_step_down, weights[1:], (load(potentials[0], i), load(potentials[1], i)))
+            pull = map_fields(_together, weights[:1], (load(pulls[0], i), load(pulls[1], i)))
+            drop = map_fields(
+                _step_down, weights[1:], (load(potentials[0], i), load(potentials[1], i))
+            )
             work = total(pull + drop)
             kept = min(max(work, -STEEPEST), STEEPEST)
             tilt = exp_of_negative(0.5 * kept - _RANGE) * _EXP_RANGE
@@ -207,10 +202,10 @@ def _without(leaving: float, density: float) -> float:
 def _set_ahead_row(
     density: Rows, low: Rows, high: Rows, factors: Values, width: int, out: Rows
 ) -> None:
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
-            leaving = total(each(_through, (), (load(low, i), load(high, i), factors)))
-            store(out, i, each(_without, (leaving,), (load(density, i),)))
+            leaving = total(map_fields(_through, (), (load(low, i), load(high, i), factors)))
+            store(out, i, map_fields(_without, (leaving,), (load(density, i),)))
 
 
 @parallel_kernel
@@ -228,8 +223,8 @@ def _set_ahead(
         a, j = task // ny, task % ny
         row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
         cell = row * fields.shape[3] + GHOSTS
-        low = rows_at(numbers, each(_position, (cell, cells, -1), (momenta, strides)), 0)
-        high = rows_at(numbers, each(_position, (cell, cells, 1), (momenta, strides)), 0)
+        low = rows_at(numbers, map_fields(_position, (cell, cells, -1), (momenta, strides)), 0)
+        high = rows_at(numbers, map_fields(_position, (cell, cells, 1), (momenta, strides)), 0)
         density = rows_at(fields, (row,), GHOSTS)
         _set_ahead_row(density, low, high, factors, nx, rows_at(out, (task,), 0))
 

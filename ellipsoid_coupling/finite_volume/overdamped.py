@@ -24,8 +24,8 @@ from ellipsoid_coupling.finite_volume.sources import (
     MOMENTUM_X,
     RHO,
     SPIN,
-    TurnWork,
     extremes,
+    turn,
 )
 from ellipsoid_coupling.finite_volume.splitting import (
     LARGEST_TURN,
@@ -193,4 +193,5 @@ class CreepingHeun(_Creeping):
         return True
 
     def _fly(self, equation: SplitEquation, dt: float, x_first: bool) -> None:
-        equation.transport(flight(equation, dt), dt, x_first, (TurnWork(dt), None))
+        turn(equation.fields, dt)
+        equation.transport(flight(equation, dt), dt, x_first)

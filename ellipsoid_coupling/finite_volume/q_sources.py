@@ -18,19 +18,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import (
+    Values,
+    add,
+    axpy,
+    maximum,
+)
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, one_by_one, parallel_kernel
+from ellipsoid_coupling.compiled.loops import block_size, prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import (
     Rows,
-    Values,
-    each,
-    fetch_piece,
     load,
-    next_row,
-    piece_of,
-    row_of,
+    map_fields,
     rows_at,
     store,
-    whole_vectors,
 )
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
@@ -42,7 +43,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import FULL_TURN, QOMEGA, QVX, Extents, Q
-from ellipsoid_coupling.finite_volume.sources import Kick, exact_kick, kicked, raised
+from ellipsoid_coupling.finite_volume.sources import Kick, exact_kick, kicked
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.stepping.step_control import CFL, ROTATION
@@ -62,7 +63,7 @@ def _accelerate_row(
     drive: Drive, held_angle: tuple[tuple[float, float], float], width: int, out: Rows
 ) -> None:
     double, outer = held_angle
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             store(out, i, driven(drive, i, double, outer, load(out[2:], i)))
 
@@ -75,7 +76,7 @@ def _accelerations(
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
         drive = drive_at(terms, forces, (j, ny, 0), a % distinct * ny + j)
-        rows = rows_at(out, each(row_of, (na * ny, task), (parts,)), 0)
+        rows = rows_at(out, axpy(parts, na * ny, task), 0)
         _accelerate_row(drive, _held_angle(terms, a, na), nx, rows)
 
 
@@ -181,18 +182,18 @@ def _relax_row(
     """Kick a run of cells; with `limits`, sound and damped, raise `peaks` to `_needed`."""
     double, outer = held_angle
     momenta = cells[QVX:]
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             cell = load(cells, i)
             drift = driven(drive, i, double, outer, cell[QOMEGA:])
-            new = each(kicked, (cell[Q],), (cell[QVX:], drift, rates.decays, rates.gains))
+            new = kicked(cell[Q], cell[QVX:], drift, rates.decays, rates.gains)
             store(momenta, i, new)
             if limits is not None:
                 # Vacuum is what is not more than 0, so that NaN is none and shows.
                 inverse = 0.0 if cell[Q] <= 0.0 else 1.0 / cell[Q]
                 shared = inverse, limits[0], limits[1]
-                found = each(_needed, shared, (new, drift, rates.damping, rates.ahead))
-                store(peaks, i, each(raised, (), (load(peaks, i), found)))
+                found = map_fields(_needed, shared, (new, drift, rates.damping, rates.ahead))
+                store(peaks, i, maximum(load(peaks, i), found))
 
 
 @parallel_kernel
@@ -211,7 +212,7 @@ def _relax(
     limited: bool,
     fastest: Floats,
 ) -> None:
-    """Set v to decay v + gain F, for (v, omega) each, wherever there is mass.
+    """Set v to decay v + gain F, for (v, omega) map_fields, wherever there is mass.
 
     distinct : so many angles have forces of their own, which the others share.
     fastest : (tasks, 3 or 2), overwritten by distance/dt of the steps that the new velocities
@@ -229,12 +230,12 @@ def _relax(
             width = extents[a, j, 1] - first
             if width > 0:
                 row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
-                held = each(row_of, (fields.shape[1] * fields.shape[2], row), (parts,))
-                following = each(next_row, (), (held,))
+                held: tuple[int, ...] = axpy(parts, fields.shape[1] * fields.shape[2], row)
+                following = add(held, 1)
                 held_angle = _held_angle(terms, a, angles)
-                piece = piece_of(len(parts))
+                piece = block_size(len(parts))
                 for start in range(first, first + width, piece):
-                    fetch_piece(rows_at(fields, following, start + GHOSTS), piece)
+                    prefetch_block(rows_at(fields, following, start + GHOSTS), piece)
                     drive = drive_at(terms, forces, (j, rows, start), a % distinct * rows + j)
                     cells = rows_at(fields, held, start + GHOSTS)
                     left = min(piece, first + width - start)

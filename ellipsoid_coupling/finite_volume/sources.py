@@ -15,23 +15,26 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import (
+    Values,
+    add,
+    axpy,
+    div,
+    fill,
+    maximum,
+    mul,
+    scale,
+    select,
+    total,
+)
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
     kernel,
     parallel_kernel,
 )
-from ellipsoid_coupling.compiled.rows import (
-    Rows,
-    Values,
-    each,
-    load,
-    row_of,
-    rows_at,
-    store,
-    total,
-    whole_vectors,
-)
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
     Drive,
@@ -39,12 +42,9 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     angular_rate,
     drive_at,
     driven,
-    first_of,
     outer_torque,
 )
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import whole_plane
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
-from ellipsoid_coupling.finite_volume.row_work import register_row_work
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.physics.elementary import cos_sin
 
@@ -70,32 +70,20 @@ class Extremes(NamedTuple):
 
 
 @inline_kernel
-def _in_mass(density: float, value: float) -> float:
-    """`value`; 0 in vacuum."""
-    return 0.0 if density <= 0.0 else value
-
-
-@inline_kernel
-def _over(density: float, carried: float) -> float:
-    return carried / density
-
-
-@inline_kernel
 def _drift_of(cell: Values, drive: Drive, amplitude: float | None, i: int) -> Values:
     """F_x, F_y and, where it turns, F_bar of cell i of a run, which holds `cell`; 0 in vacuum."""
     # Vacuum has no angle; what comes out for it is not used.
-    angle = total(each(_over, (cell[RHO],), (cell[ANGLE:SPIN],)))
+    angle = total(div(cell[ANGLE:SPIN], cell[RHO]))
     double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
     rates = driven(drive, i, double, outer, cell[SPIN:])
-    drift: Values = each(_in_mass, (cell[RHO],), (rates,))
-    return drift
+    return select(cell[RHO] <= 0.0, fill(0.0, rates), rates)
 
 
 @apart_kernel
 def _set_drift_row(
     cells: Rows, drive: Drive, amplitude: float | None, width: int, drift: Rows
 ) -> None:
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             store(drift, i, _drift_of(load(cells, i), drive, amplitude, i))
 
@@ -119,13 +107,13 @@ def _set_drift(
 @inline_kernel
 def _cells(fields: Floats, components: tuple[int, ...], j: int) -> Rows:
     """Row j of the interior of padded fields."""
-    return rows_at(fields, each(row_of, (fields.shape[1], j + GHOSTS), (components,)), GHOSTS)
+    return rows_at(fields, axpy(components, fields.shape[1], j + GHOSTS), GHOSTS)
 
 
 @inline_kernel
 def _drifts(drift: Floats, rates: tuple[int, ...], j: int) -> Rows:
     """Row j of the drift; of a drift of one row, that one."""
-    return rows_at(drift, each(row_of, (drift.shape[1], j % drift.shape[1]), (rates,)), 0)
+    return rows_at(drift, axpy(rates, drift.shape[1], j % drift.shape[1]), 0)
 
 
 def _parts(fields: Floats) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -175,62 +163,50 @@ def exact_gain(rate: float, dt: float) -> float:
 
 
 @inline_kernel
-def kicked(density: float, carried: float, rate: float, decay: float, gain: float) -> float:
-    """Rho v after a kick, v becoming decay v + gain F."""
-    return decay * carried + gain * density * rate
+def kicked(density: float, carried: Values, drift: Values, decay: Values, gain: Values) -> Values:
+    """Rho v after a kick, v becoming decay v + gain F, for each component of the momentum."""
+    return add(mul(decay, carried), mul(scale(density, gain), drift))
 
 
 @inline_kernel
 def _kicked_cell(cell: Values, drift: Values, change: Kick) -> Values:
     """Momenta and spin of a cell after a kick."""
     spins = cell[SPIN:]
-    decays = (change.decay, change.decay, *each(first_of, (change.spin_decay,), (spins,)))
-    gains = (change.gain, change.gain, *each(first_of, (change.spin_gain,), (spins,)))
+    decays = (change.decay, change.decay, *fill(change.spin_decay, spins))
+    gains = (change.gain, change.gain, *fill(change.spin_gain, spins))
     carried = cell[MOMENTUM_X:ANGLE] + spins
-    new: Values = each(kicked, (cell[RHO],), (carried, drift, decays, gains))
-    return new
-
-
-@inline_kernel
-def _turned(turning: float, angle: float, spin: float) -> float:
-    """Rho phi after a flight."""
-    return angle + turning * spin
+    return kicked(cell[RHO], carried, drift, decays, gains)
 
 
 @apart_kernel
 def _kick_row(cells: Rows, drift: Rows, change: Kick, turning: float, width: int) -> None:
     momenta, angles, spins = cells[MOMENTUM_X:ANGLE], cells[ANGLE:SPIN], cells[SPIN:]
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             cell = load(cells, i)
             new = _kicked_cell(cell, load(drift, i), change)
             store(momenta + spins, i, new)
-            store(angles, i, each(_turned, (turning,), (cell[ANGLE:SPIN], new[2:])))
+            store(angles, i, axpy(turning, new[2:], cell[ANGLE:SPIN]))
 
 
-class KickWork(NamedTuple):
-    """Work on rows: kick v and omega in the drift as it is; then phi += turning omega, where it turns.
-
-    rates : which components of the drift there are, see `_parts`.
-    """
-
-    drift: Floats
-    rates: tuple[int, ...]
-    change: Kick
-    turning: float
-
-
-@inline_kernel
-def _kick_row_of(work: KickWork, cells: Rows, j: int, width: int, _: int) -> None:
-    _kick_row(cells, _drifts(work.drift, work.rates, j), work.change, work.turning, width)
+@parallel_kernel
+def _kick(
+    fields: Floats,
+    components: tuple[int, ...],
+    rates: tuple[int, ...],
+    drift: Floats,
+    change: Kick,
+    turning: float,
+) -> None:
+    rows, columns = drift.shape[1:]
+    for j in numba.prange(rows):
+        cells = _cells(fields, components, j)
+        _kick_row(cells, _drifts(drift, rates, j), change, turning, columns)
 
 
-register_row_work(KickWork, _kick_row_of)
-
-
-def kick_work(fields: Floats, drift: Floats, change: Kick, turning: float) -> KickWork:
-    """For the rows of these fields."""
-    return KickWork(drift, _parts(fields)[1], change, turning)
+def kick(fields: Floats, drift: Floats, change: Kick, turning: float) -> None:
+    """Kick v and omega in the drift as it is; then phi += turning omega, where it turns."""
+    _kick(fields, *_parts(fields), drift, change, turning)
 
 
 @inline_kernel
@@ -247,14 +223,8 @@ def _sizes(density: float, carried: Values, drift: Values) -> Values:
     """Speed, force and, where they are given, spin and torque of a cell."""
     # Written so that NaN is no vacuum.
     inverse = 0.0 if density <= 0.0 else 1.0 / density
-    rates, forces = each(_size, (inverse,), (carried,)), each(_size, (1.0,), (drift,))
+    rates, forces = map_fields(_size, (inverse,), (carried,)), map_fields(_size, (1.0,), (drift,))
     return (max(rates[0], rates[1]), max(forces[0], forces[1]), *rates[2:], *forces[2:])
-
-
-@inline_kernel
-def raised(value: float, other: float) -> float:
-    """The larger one."""
-    return max(value, other)
 
 
 @apart_kernel
@@ -268,7 +238,7 @@ def _kick_anew_row(
     peaks: Rows,
 ) -> None:
     momenta, spins = cells[MOMENTUM_X:ANGLE], cells[SPIN:]
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             cell = load(cells, i)
             here = _drift_of(cell, drive, amplitude, i)
@@ -276,16 +246,16 @@ def _kick_anew_row(
             new = _kicked_cell(cell, here, change)
             store(momenta + spins, i, new)
             found = _sizes(cell[RHO], new, here)
-            store(peaks, i, each(raised, (), (load(peaks, i), found)))
+            store(peaks, i, maximum(load(peaks, i), found))
 
 
 @apart_kernel
 def _raise_row(cells: Rows, drift: Rows, width: int, peaks: Rows) -> None:
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             cell = load(cells, i)
             found = _sizes(cell[RHO], cell[MOMENTUM_X:ANGLE] + cell[SPIN:], load(drift, i))
-            store(peaks, i, each(raised, (), (load(peaks, i), found)))
+            store(peaks, i, maximum(load(peaks, i), found))
 
 
 @parallel_kernel
@@ -331,69 +301,22 @@ def _extremes_of(largest: Floats) -> Extremes:
 @apart_kernel
 def _turn_row(cells: Rows, turning: float, width: int) -> None:
     angles, spins = cells[ANGLE:SPIN], cells[SPIN:]
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
-            store(angles, i, each(_turned, (turning,), (load(angles, i), load(spins, i))))
+            store(angles, i, axpy(turning, load(spins, i), load(angles, i)))
 
 
-class TurnWork(NamedTuple):
-    """Work on rows: phi += turning omega, where it turns."""
-
-    turning: float
-
-
-@inline_kernel
-def _turn_row_of(work: TurnWork, cells: Rows, _: int, width: int, __: int) -> None:
-    _turn_row(cells, work.turning, width)
+@parallel_kernel
+def _turn(fields: Floats, components: tuple[int, ...], turning: float) -> None:
+    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
+    for j in numba.prange(rows):
+        _turn_row(_cells(fields, components, j), turning, columns)
 
 
-register_row_work(TurnWork, _turn_row_of)
-
-
-class KickAnewWork(NamedTuple):
-    """Work on rows: that of `TurnWork`, and then `kick_anew` without interaction.
-
-    rates, sizes : which components of the drift, and sizes of a cell, there are.
-    peaks : (sizes, strips, columns), raised to the sizes found.
-    """
-
-    terms: CellTerms
-    forces: NoForces
-    drift: Floats
-    rates: tuple[int, ...]
-    sizes: tuple[int, ...]
-    change: Kick
-    turning: float
-    peaks: Floats
-
-    def found(self) -> Extremes:
-        """What there is at most, after all rows."""
-        largest = np.zeros((1, 4))
-        largest[0, : len(self.sizes)] = self.peaks.max(axis=(1, 2))
-        return _extremes_of(largest)
-
-
-@inline_kernel
-def _kick_row_anew(work: KickAnewWork, cells: Rows, j: int, width: int, strip: int) -> None:
-    terms = work.terms
-    drive = drive_at(terms, work.forces, (j, work.drift.shape[1], 0), j)
-    drifts = _drifts(work.drift, work.rates, j)
-    peaks = rows_at(work.peaks, each(row_of, (work.peaks.shape[1], strip), (work.sizes,)), 0)
-    _turn_row(cells, work.turning, width)
-    _kick_anew_row(cells, drive, terms.amplitude, work.change, width, drifts, peaks)
-
-
-register_row_work(KickAnewWork, _kick_row_anew)
-
-
-def kick_anew_work(
-    fields: Floats, terms: CellTerms, drift: Floats, change: Kick, turning: float
-) -> KickAnewWork:
-    """For the rows of these fields, and as many threads as there are now."""
-    components, rates = _parts(fields)
-    strips = whole_plane(fields.shape[1:], numba.get_num_threads())[1].first.size
-    peaks = np.zeros((len(components) - 1, strips, drift.shape[2]))
-    return KickAnewWork(terms, NoForces(), drift, rates, components[:-1], change, turning, peaks)
+def turn(fields: Floats, turning: float) -> None:
+    """Set phi to phi + turning omega, in place; nothing where nothing turns."""
+    if fields.shape[0] > ANGLE:
+        _turn(fields, _parts(fields)[0], turning)
 
 
 @parallel_kernel

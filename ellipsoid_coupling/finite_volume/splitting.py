@@ -7,7 +7,7 @@ that the caller can repeat it with a smaller one.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,12 @@ from ellipsoid_coupling.finite_volume.sources import (
     ANGLE,
     Extremes,
     Kick,
-    TurnWork,
     exact_kick,
     extremes,
+    kick,
     kick_anew,
-    kick_anew_work,
-    kick_work,
     step_implicitly,
+    turn,
 )
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.stepping.step_control import CFL as CFL_NUMBER
@@ -37,9 +36,6 @@ Floats = NDArray[np.float64]
 LARGEST_TURN = 0.5
 # Grids of more cells than this, along the longer side, take shorter steps where turning limits them.
 _COARSE = 128
-# So many cells, of some 100 bytes each, do not fit into the cache. Where none feels the others, all is
-# done to them in one pass over memory then: a quarter less time, for some seconds more of compiling.
-_MANY_CELLS = 300_000
 
 
 class SplitEquation(Protocol):
@@ -49,17 +45,8 @@ class SplitEquation(Protocol):
     drift: Floats
     terms: CellTerms
 
-    def transport(
-        self,
-        flux: Ballistic | Force,
-        dt: float,
-        x_first: bool,
-        work: tuple[Any, Any] = (None, None),
-    ) -> None:
-        """Move all fields along x and then y for dt, or along y and then x.
-
-        work : what is done to each row before and after, see `row_work`.
-        """
+    def transport(self, flux: Ballistic | Force, dt: float, x_first: bool) -> None:
+        """Move all fields along x and then y for dt, or along y and then x."""
         ...
 
     def forces(self) -> Forces | None:
@@ -73,11 +60,6 @@ class SplitEquation(Protocol):
     @property
     def cell(self) -> float:
         """The cell width h."""
-        ...
-
-    @property
-    def interacts(self) -> bool:
-        """Whether a cell feels others; if not, `forces` gives None."""
         ...
 
 
@@ -225,15 +207,11 @@ class KickDriftKick:
 
         The allowed step counts the acceleration within it in, and flights empty no cell.
         """
-        fields, drift, terms = equation.fields, equation.drift, equation.terms
-        change, x_first = exact_kick(terms, 0.5 * dt), count % 2 == 0
+        fields, drift = equation.fields, equation.drift
+        change, x_first = exact_kick(equation.terms, 0.5 * dt), count % 2 == 0
         flux = flight(equation, dt)
-        before = kick_work(fields, drift, change, 0.5 * dt)
-        if equation.interacts or drift[0].size < _MANY_CELLS:
-            equation.transport(flux, dt, x_first, (before, TurnWork(0.5 * dt)))
-            self._kick_anew(equation, change)
-        else:
-            after = kick_anew_work(fields, terms, drift, change, 0.5 * dt)
-            equation.transport(flux, dt, x_first, (before, after))
-            self.found = after.found()
+        kick(fields, drift, change, 0.5 * dt)
+        equation.transport(flux, dt, x_first)
+        turn(fields, 0.5 * dt)
+        self._kick_anew(equation, change)
         return True

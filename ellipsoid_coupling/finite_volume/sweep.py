@@ -19,6 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     few_by_few,
@@ -26,20 +27,9 @@ from ellipsoid_coupling.compiled.jit import (
     parallel_kernel,
     view_kernel,
 )
+from ellipsoid_coupling.compiled.loops import block_size, prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.parallel_arguments import pack, unpack
-from ellipsoid_coupling.compiled.rows import (
-    Rows,
-    Values,
-    each,
-    element,
-    fetch_piece,
-    load,
-    onwards,
-    piece_of,
-    rows_at,
-    store,
-    whole_vectors,
-)
+from ellipsoid_coupling.compiled.rows import Rows, element, load, map_fields, offset, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
     DENSITY,
     Flux,
@@ -62,11 +52,11 @@ _FAR = 16
 def bundle_width(columns: int, lines: int) -> int:
     """How many of `columns` march together on each of `lines`; all bundles but the last are alike."""
     most = _WIDE if lines >= _MANY_LINES else _NARROW
-    return int(whole_vectors(-(-columns // -(-columns // most))))
+    return int(round_up_to_vectors(-(-columns // -(-columns // most))))
 
 
 class Runs(NamedTuple):
-    """What one sweep visits, (T,) int64 each, as flat indices of padded fields.
+    """What one sweep visits, (T,) int64 map_fields, as flat indices of padded fields.
 
     first : the first cell; length : how many cells it goes along the swept direction; width : how
     many neighbouring columns march together (1 along x).
@@ -101,7 +91,7 @@ def _update(flux: Flux, cell: Values, entering: Values, leaving: Values) -> Valu
     Written so that NaN is no vacuum: it shall be found.
     """
     new = cell[DENSITY] + (entering[DENSITY] - leaving[DENSITY])
-    updated: Values = each(_updated, (new <= flux.vacuum,), (cell, entering, leaving))
+    updated: Values = map_fields(_updated, (new <= flux.vacuum,), (cell, entering, leaving))
     return updated
 
 
@@ -128,7 +118,7 @@ def _along(
     cell : their flat index; inverses : 1/rho from there on.
     through : overwritten by the mass that goes up through the face above cells[i], for each i.
     """
-    leaving = each(_nothing, (), (load(cells, 0),))
+    leaving = map_fields(_nothing, (), (load(cells, 0),))
     up = kept_for(flux, leaving)
     for i in range(through.size):
         here = Stencil(
@@ -156,7 +146,9 @@ class RowScratch(NamedTuple):
 @inline_kernel
 def row_scratch(longest: int) -> RowScratch:
     """For rows of at most so many cells, ghosts included."""
-    return RowScratch(np.empty(whole_vectors(longest) + GHOSTS), np.empty(whole_vectors(longest)))
+    return RowScratch(
+        np.empty(round_up_to_vectors(longest) + GHOSTS), np.empty(round_up_to_vectors(longest))
+    )
 
 
 @view_kernel
@@ -172,7 +164,7 @@ def sweep_row(
 
     Returns the mass that has left through both ends, less what came in.
     """
-    whole = whole_vectors(width + 2)
+    whole = round_up_to_vectors(width + 2)
     inverses, through = scratch.inverses[: whole + 2], scratch.through[:whole]
     _invert(cells, flux.vacuum, inverses)
     _along(flux, cells, cell, width, ratio, inverses, through)
@@ -199,7 +191,7 @@ def _sweep_rows(
             # Where the next row does not follow at once, the processor does not read on by itself.
             if row + 1 < starts.size and starts[row + 1] - starts[row] > width + _FAR:
                 ahead = rows_at(fields, components, starts[row + 1] - GHOSTS)
-                fetch_piece(ahead, counts[row + 1] + 2 * GHOSTS)
+                prefetch_block(ahead, counts[row + 1] + 2 * GHOSTS)
             cells = rows_at(fields, components, first)
             gone[row] = sweep_row(own, cells, first, width, ratio, scratch)
 
@@ -352,12 +344,12 @@ def _step_march_in_pieces(
     """`step_march`, which asks for the row that is `coming` piece by piece on the way."""
     below, here, above = _stepped_row(rows[0], components, row, room), rows[1], rows[2]
     faces, ups, before, middle = _kept_in(flux, components, room)
-    size, piece = room.shape[2], piece_of(len(components))
+    size, piece = room.shape[2], block_size(len(components))
     for first in range(0, size, piece):
-        fetch_piece(onwards(coming, first), piece)
+        prefetch_block(offset(coming, first), piece)
         part = slice(first, min(first + piece, size))
-        three = onwards(below, first), onwards(here, first), onwards(above, first)
-        kept = onwards(faces, first), onwards(ups, first), before[part], middle[part]
+        three = offset(below, first), offset(here, first), offset(above, first)
+        kept = offset(faces, first), offset(ups, first), before[part], middle[part]
         left = march.width - first
         _across(flux, three, cell + first, march.stride, left, ratio, _Room(*kept))
     return _passed(march, row, room)
@@ -436,7 +428,7 @@ def _sweep_columns(
     packed = pack(flux)
     for task in numba.prange(starts.size):
         own = unpack(packed)
-        first, row = starts[task], whole_vectors(widths[task])
+        first, row = starts[task], round_up_to_vectors(widths[task])
         if turn == 0:
             # Not beyond the last cell of all, where the march looks at the row above the last one.
             row = min(row, fields.shape[1] - first - (counts[task] + 1) * stride)

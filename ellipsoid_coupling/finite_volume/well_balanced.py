@@ -30,17 +30,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values, total
 from ellipsoid_coupling.compiled.jit import apart_kernel, for_each, inline_kernel, parallel_kernel
-from ellipsoid_coupling.compiled.rows import (
-    Rows,
-    Values,
-    each,
-    load,
-    rows_at,
-    store,
-    total,
-    whole_vectors,
-)
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Kinetic, Limits, face_factor
@@ -275,7 +268,7 @@ def _push_row(
     weights: tuple[float, float, float],
 ) -> None:
     decay, first, _ = weights
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             m, now = total(load(before, i)), total(load(moved, i))
             pushed = now - m + ratio * _source_at(forced, i)
@@ -332,14 +325,14 @@ def _combine_row(
     weights: tuple[float, float, float],
 ) -> None:
     decay, first, second = weights
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
             before, after, m1 = load(old, i), load(new, i), total(load(first_stage, i))
             change = after[ALONG] - m1 + ratio * _source_at(forced, i)
             change -= (m1 - decay * before[ALONG]) / first
             # A mean of mass and vacuum never gets there by itself, and its velocity is any.
             empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.limits.vacuum
-            means = each(_mean, (empty,), (before, after))
+            means = map_fields(_mean, (empty,), (before, after))
             momentum = 0.0 if empty else m1 + second * change
             store(new, i, (means[DENSITY], momentum, *means[2:]))
 

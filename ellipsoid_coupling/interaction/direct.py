@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel, parallel_kernel
-from ellipsoid_coupling.compiled.rows import Rows, each, load, rows_at, store
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.interaction.grid_forces import (
     Array,
     Forces,
@@ -169,4 +169,4 @@ def _add_offset(
         )
         pull_x[j] += density[j] * slope_x
         pull_y[j] += density[j] * slope_y
-        store(turn, j, each(_plus, (density[j] * slope_angle,), (load(turn, j),)))
+        store(turn, j, map_fields(_plus, (density[j] * slope_angle,), (load(turn, j),)))

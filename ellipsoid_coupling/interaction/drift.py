@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel
-from ellipsoid_coupling.compiled.rows import Rows, each, load, rows_at, store
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.flow.field import FlowArrays, nearest, sample_flow
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.physics.elementary import cos_sin
@@ -95,7 +95,9 @@ def _set_fluid_rows(
         outside += not inside
         turned = load(axis, i)
         gradient = dux_dx, dux_dy, duy_dx
-        rates = each(_fluid_torque, (drags[1], gradient, shape_factor), (turned[:1], turned[1:]))
+        rates = map_fields(
+            _fluid_torque, (drags[1], gradient, shape_factor), (turned[:1], turned[1:])
+        )
         store(force, i, (drags[0] * ux, drags[0] * uy, *rates))
     return outside
 

@@ -6,7 +6,7 @@ the three operations that a splitting uses (`splitting.SplitEquation`) live here
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numba
 import numpy as np
@@ -122,23 +122,13 @@ class RGridEquation:
     def _mass(self) -> float:
         return float(interior(self.fields)[RHO].sum() * self.cell**2)
 
-    @property
-    def interacts(self) -> bool:
-        """Whether a cell feels others."""
-        return self._interaction is not None
-
-    def transport(
-        self, flux: AnyFlux, dt: float, x_first: bool, work: tuple[Any, Any] = (None, None)
-    ) -> None:
-        """Move all fields along x and y, or y and x, for dt, boundary conditions included.
-
-        work : what is done to each row before and after, see `row_work`.
-        """
+    def transport(self, flux: AnyFlux, dt: float, x_first: bool) -> None:
+        """Move all fields along x and y, or y and x, for dt, boundary conditions included."""
         reflecting = self._setup.terms.reflection
         plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())
         thin, flat = flux._replace(vacuum=self._vacuum), self.fields.reshape(len(self.fields), -1)
         move = Move(x_first, dt / self.cell, reflecting)
-        gone = sweep_planes(thin, flat, plane, strips, spans, move, work)
+        gone = sweep_planes(thin, flat, plane, strips, spans, move)
         if not reflecting:
             self._left += gone
 

@@ -9,20 +9,18 @@ import pytest
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values, total
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel
+from ellipsoid_coupling.compiled.loops import prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import (
     Rows,
-    Values,
-    each,
     element,
-    fetch,
-    fetch_piece,
     load,
-    onwards,
+    map_fields,
+    offset,
+    prefetch,
     rows_at,
     store,
-    total,
-    whole_vectors,
 )
 
 Floats = NDArray[np.float64]
@@ -39,13 +37,13 @@ def _both(factor: float, a: float, b: float) -> tuple[float, float]:
 
 
 def _row(array: Floats, which: tuple[int, ...], first: int, width: int) -> None:
-    rows = onwards(rows_at(array, which, first - 1), 1)
-    fetch_piece(rows, 1000)
+    rows = offset(rows_at(array, which, first - 1), 1)
+    prefetch_block(rows, 1000)
     for i in range(width):
         values = load(rows, i)
-        fetch(rows, i + 1000)
-        doubled, zero = each(_both, (2.0,), (values, values))
-        store(rows, i, each(_scaled, (3.0,), (doubled, zero)))
+        prefetch(rows, i + 1000)
+        doubled, zero = map_fields(_both, (2.0,), (values, values))
+        store(rows, i, map_fields(_scaled, (3.0,), (doubled, zero)))
 
 
 @pytest.mark.parametrize("which", [(0,), (2, 0), (1, 3, 2, 0)])
@@ -61,12 +59,12 @@ def test_kernels_do_what_the_plain_twins_do(which: tuple[int, ...]) -> None:
 
 
 def _plain_row(array: Floats, which: tuple[int, ...], first: int, width: int) -> None:
-    rows = onwards(rows_at(array, which, first - 1), 1)
+    rows = offset(rows_at(array, which, first - 1), 1)
     for i in range(width):
         values = load(rows, i)
-        fetch(rows, i)
-        doubled, zero = each(_python(_both), (2.0,), (values, values))
-        store(rows, i, each(_python(_scaled), (3.0,), (doubled, zero)))
+        prefetch(rows, i)
+        doubled, zero = map_fields(_python(_both), (2.0,), (values, values))
+        store(rows, i, map_fields(_python(_scaled), (3.0,), (doubled, zero)))
 
 
 def _python(compiled: Any) -> Any:
@@ -77,9 +75,9 @@ def _python(compiled: Any) -> Any:
 def _of_nothing(array: Floats, single: NDArray[np.float32]) -> tuple[Values, float, float, float]:
     none = rows_at(None, (0,), 0)
     store(none, 3, ())
-    each_of_none = each(_scaled, (1.0,), (load(none, 7), ()))
-    mixed = load(rows_at(array, (1,), 0), 2) + each(_scaled, (1.0,), (load(none, 0), ()))
-    small = each(_scaled, (2.0,), (load(rows_at(single, (1,), 0), 1), (1.0,)))
+    each_of_none = map_fields(_scaled, (1.0,), (load(none, 7), ()))
+    mixed = load(rows_at(array, (1,), 0), 2) + map_fields(_scaled, (1.0,), (load(none, 0), ()))
+    small = map_fields(_scaled, (2.0,), (load(rows_at(single, (1,), 0), 1), (1.0,)))
     return each_of_none, total(()), total(mixed), total(small)
 
 
@@ -91,7 +89,12 @@ def test_no_rows_are_nothing() -> None:
     assert zero == 0.0
     assert one == array[1, 2]
     assert small == 2.0 * array[1, 1] - 1.0
-    assert rows_at(None, (0,), 0) == load((), 0) == each(_python(_scaled), (1.0,), ((), ())) == ()
+    assert (
+        rows_at(None, (0,), 0)
+        == load((), 0)
+        == map_fields(_python(_scaled), (1.0,), ((), ()))
+        == ()
+    )
     assert total(()) == 0.0
 
 
@@ -116,9 +119,9 @@ def test_only_contiguous_arrays_have_rows() -> None:
 
 @apart_kernel
 def _double(source: Rows, target: Rows, width: int) -> None:
-    for i in range(whole_vectors(width)):
+    for i in range(round_up_to_vectors(width)):
         if i < width:
-            store(target, i, each(_scaled, (3.0,), (load(source, i), load(source, i))))
+            store(target, i, map_fields(_scaled, (3.0,), (load(source, i), load(source, i))))
 
 
 @kernel
@@ -135,5 +138,5 @@ def test_a_loop_over_whole_vectors_ends_where_it_should(width: int) -> None:
     _double_all(source, target, width)
     np.testing.assert_array_equal(target[:, :width], 3.0 * source - source)
     assert (target[:, width:] == -1.0).all()
-    assert whole_vectors(width) % 8 == 0
-    assert 0 <= whole_vectors(width) - width < 8
+    assert round_up_to_vectors(width) % 8 == 0
+    assert 0 <= round_up_to_vectors(width) - width < 8

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
-from ellipsoid_coupling.finite_volume.fluxes import Ballistic
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.sources import (
     ANGLE,
     SPIN,
-    Kick,
-    TurnWork,
     exact_kick,
     extremes,
+    kick,
     kick_anew,
-    kick_anew_work,
-    kick_work,
     set_drift,
+    turn,
 )
 from ellipsoid_coupling.interaction.grid_forces import Forces
-from tests.finite_volume.whole import kick
+from tests.finite_volume.whole import kick as kick_by_numpy
 
 Floats = NDArray[np.float64]
 
@@ -98,61 +91,28 @@ def test_a_kick_anew_is_drift_and_kick_and_extremes(components: int, interacting
     one, two = fields.copy(), fields.copy()
     drift, other = np.full((2, 3 if components == 5 else 2, ROWS, COLUMNS), np.nan)
     set_drift(one, terms, forces, drift)
-    kick(one, drift, change)
+    kick(one, drift, change, 0.0)
     found = kick_anew(two, terms, forces, other, change)
     assert np.array_equal(one, two)
     assert np.array_equal(drift, other)
     assert found == extremes(one, drift)
 
 
-@pytest.mark.parametrize("components", [pytest.param(3, marks=pytest.mark.heavy), 5])
-@pytest.mark.parametrize("x_first", [True, False])
-@pytest.mark.parametrize("reflecting", [True, False])
-@pytest.mark.parametrize("threads", [1, 5])
-def test_a_step_in_one_pass_is_its_parts_one_by_one(
-    components: int, x_first: bool, reflecting: bool, threads: int
-) -> None:
-    """Kick, transport, turn, kick anew: the same bits, however the rows are cut into strips."""
-    start, terms, _ = cells(components)
-    terms = terms._replace(amplitude=None)
+@pytest.mark.parametrize("components", [3, 5])
+def test_a_kick_and_a_turn_are_their_formulas(components: int) -> None:
+    """By numpy, which rounds alike: the same bits."""
+    fields, terms, push = cells(components)
     drift = np.empty((components // 2 + 1, ROWS, COLUMNS))
-    set_drift(start, terms, None, drift)
-    change, dt = exact_kick(terms, 0.05), 0.05
-    plane, strips, spans = whole_plane(start.shape[1:], threads)
-    move = Move(x_first, 0.05, reflecting)
-
-    def flown(fields: Floats, work: tuple[Any, Any]) -> float:
-        flat = fields.reshape(components, -1)
-        return sweep_planes(Ballistic((0.1,) * components), flat, plane, strips, spans, move, work)
-
-    # With work that changes nothing.
-    apart, others, nothing = start.copy(), drift.copy(), Kick(1.0, 0.0, 1.0, 0.0)
-    kick(apart, drift, change, dt)
-    gone = flown(apart, (kick_work(apart, drift, nothing, 0.0), TurnWork(0.0)))
+    set_drift(fields, terms, push, drift)
+    change = exact_kick(terms, 0.05)
+    expected = fields.copy()
+    kick_by_numpy(expected, drift, change, 0.05)
+    kick(fields, drift, change, 0.05)
+    assert np.array_equal(fields, expected)
     if components == 5:
-        interior(apart)[ANGLE] += dt * interior(apart)[SPIN]
-    # Kicked anew when all have arrived, as where cells feel each other, or at once.
-    waiting, together = apart.copy(), start.copy()
-    found = kick_anew(apart, terms, None, others, change)
-    again = start.copy()
-    assert flown(again, (kick_work(again, drift, change, dt), TurnWork(dt))) == gone
-    assert np.array_equal(interior(again), interior(waiting))
-
-    after = kick_anew_work(together, terms, drift, change, dt)
-    # Room for each of these strips, which are not those of this machine.
-    after = after._replace(peaks=np.zeros((components - 1, strips.first.size, COLUMNS)))
-    assert flown(together, (kick_work(together, drift, change, dt), after)) == gone
-    assert np.array_equal(interior(together), interior(apart))
-    assert np.array_equal(drift, others)
-    assert after.found() == found
-
-
-def test_there_is_room_for_the_peaks_of_every_strip() -> None:
-    fields, terms, _ = cells(5)
-    drift = np.zeros((3, ROWS, COLUMNS))
-    work = kick_anew_work(fields, terms, drift, exact_kick(terms, 0.1), 0.1)
-    strips = whole_plane(fields.shape[1:], numba.get_num_threads())[1]
-    assert work.peaks.shape == (4, strips.first.size, COLUMNS)
+        interior(expected)[ANGLE] += 0.1 * interior(expected)[SPIN]
+    turn(fields, 0.1)
+    assert np.array_equal(fields, expected)
 
 
 def test_extremes_are_those_of_cells_with_mass() -> None:

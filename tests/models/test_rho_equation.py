@@ -216,24 +216,6 @@ def test_the_allowed_step_holds_the_cfl_number_after_the_kick(drag: float, cfl: 
         assert extremes(model.fields, None).speed * dt <= cfl * model.cell * (1.0 + 1e-12)
 
 
-def test_many_cells_take_the_same_steps(
-    monkeypatch: pytest.MonkeyPatch, rotation_flow: FlowField
-) -> None:
-    """In one pass over memory, which few cells do not need: the same bits."""
-    scene = load_scene("rotation", FREE | {"numerics.cell": 0.1})
-    few = model_of(scene, rotation_flow)
-    monkeypatch.setattr("ellipsoid_coupling.finite_volume.splitting._MANY_CELLS", 0)
-    many = model_of(scene, rotation_flow)
-    with monkeypatch.context() as patch:
-        patch.setattr("ellipsoid_coupling.finite_volume.splitting.kick_anew", None)
-        many.advance(5.0)
-    monkeypatch.undo()
-    few.advance(5.0)
-    for one, other in zip(few.state().values(), many.state().values(), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert few.health() == many.health()
-
-
 @BOTH
 def test_what_is_not_finite_stops_the_run(scheme: str, rotation_flow: FlowField) -> None:
     model = model_of(load_scene("rotation", FREE | {"numerics.cell": 0.1}), rotation_flow, scheme)

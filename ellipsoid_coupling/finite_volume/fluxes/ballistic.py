@@ -36,9 +36,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.intrinsics import fused
 from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.compiled.rows import Values, each
+from ellipsoid_coupling.compiled.rows import map_fields
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
     ALONG,
     DENSITY,
@@ -163,7 +164,7 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     down = lower * fused(-slope, middle_down, density)
     arm_up = fused(twelfth, upper * upper * upper, up * (middle_up - centre))
     arm_down = fused(twelfth, lower * lower * lower, -down * (middle_down + centre))
-    carried_up, carried_down = each(
+    carried_up, carried_down = map_fields(
         _carried_outflow,
         ((up, down), (arm_up, arm_down), inverse),
         (below[1:], here[1:], above[1:], flux.bends[1:]),

@@ -16,8 +16,9 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, inline_kernel
-from ellipsoid_coupling.compiled.rows import Values, each
+from ellipsoid_coupling.compiled.rows import map_fields
 
 Floats = NDArray[np.float64]
 
@@ -99,12 +100,12 @@ def register_flux(flux_type: type[Any], outflow: Callable[..., Any]) -> None:
     """Make `outflow` what compiled sweeps call for a flux of this type, for every cell.
 
     outflow : an inline kernel, (flux, stencil, ratio) -> (up, down), what leaves `here` through its
-    upper and its lower face, each (K,).
+    upper and its lower face, map_fields (K,).
     """
 
     def through(flux: Any, stencil: Any, up: Any, ratio: Any) -> Any:
         leaving, down = outflow(flux, stencil, ratio)
-        return each(less, (), (up, down)), leaving
+        return map_fields(less, (), (up, down)), leaving
 
     _register(flux_type, through, lambda _, up: up)
 

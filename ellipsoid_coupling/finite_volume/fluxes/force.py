@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.intrinsics import fused
 from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.compiled.rows import Values, each
+from ellipsoid_coupling.compiled.rows import map_fields
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
     ALONG,
     DENSITY,
@@ -59,7 +60,7 @@ def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     part_l, part_r = half * v_l, half * v_r
     weight_l = fused(middle_v, 0.5 + part_l, fused(0.5, part_l, 0.25))
     weight_r = fused(middle_v, 0.5 - part_r, fused(0.5, part_r, -0.25))
-    carried: Values = each(_mixed, (weight_l, weight_r), (left, right))
+    carried: Values = map_fields(_mixed, (weight_l, weight_r), (left, right))
     pressed = (half * flux.pressure) * (
         0.5 * (thin + thick) + middle_density - middle_v * (thick - thin)
     )

@@ -30,8 +30,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.compiled.rows import Values, each, element
+from ellipsoid_coupling.compiled.rows import element, map_fields
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import limited
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
     ALONG,
@@ -173,7 +174,7 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     leaving, most = upper * mass_up + lower * mass_down, _LARGEST_PART * density
     share = most / leaving if leaving > most else 1.0
     up, down = share * upper * mass_up, share * lower * mass_down
-    carried_up, carried_down = each(
+    carried_up, carried_down = map_fields(
         _carried_outflow,
         ((up, down), centre, filled, flux.smooth, inverse),
         (below[2:], here[2:], above[2:]),

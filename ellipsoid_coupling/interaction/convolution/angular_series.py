@@ -25,7 +25,7 @@ from ellipsoid_coupling.compiled.jit import (
     shares,
     view_kernel,
 )
-from ellipsoid_coupling.compiled.rows import whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.simd_sums import sum_rows
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.physics.elementary import cos_sin
@@ -173,9 +173,9 @@ class _Lattice(NamedTuple):
 
 def _lattice(harmonics: int) -> _Lattice:
     functions = 2 * harmonics + 1
-    angles = whole_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
+    angles = round_up_to_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
     lattice = np.pi * np.arange(angles) / angles
-    basis = np.zeros((whole_vectors(functions), angles))
+    basis = np.zeros((round_up_to_vectors(functions), angles))
     angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
     dual[0] *= 0.5

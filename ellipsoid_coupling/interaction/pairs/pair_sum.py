@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
-from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store, whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.simd_sums import DOUBLES
 from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
@@ -107,7 +108,7 @@ def _feel(
 ) -> None:
     """What `count` others do to the target: `given`, 0 up to whole vectors behind the last one."""
     x, y, c2, s2 = target
-    for j in range(whole_vectors(count)):
+    for j in range(round_up_to_vectors(count)):
         other = load(others, j)
         _, by_x, by_y, by_theta = pair_potential(
             other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
@@ -128,7 +129,7 @@ def sum_over_sources(
 
     buffer, given : see `scratch`.
     """
-    end = whole_vectors(count)
+    end = round_up_to_vectors(count)
     _feel(target, rows_at(buffer, (X, Y, C2, S2), 0), rows_at(given, (0, 1, 2), 0), count, shape)
     return sum_in_lanes(given[0, :end]), sum_in_lanes(given[1, :end]), sum_in_lanes(given[2, :end])
 
@@ -147,7 +148,7 @@ def _meet(
     given : 0 up to whole vectors behind the last one.
     """
     x, y, c2, s2 = target
-    for j in range(whole_vectors(count)):
+    for j in range(round_up_to_vectors(count)):
         other, before = load(others, j), load(felt, j)
         _, by_x, by_y, by_theta, slope_bar = pair_terms(
             other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
@@ -165,7 +166,7 @@ def _meet_the_rest(
 ) -> None:
     """Pairs of the buffer's particle t with those behind it, up to `count`."""
     rest = t + 1
-    end = whole_vectors(count - rest)
+    end = round_up_to_vectors(count - rest)
     _meet(
         (buffer[X, t], buffer[Y, t], buffer[C2, t], buffer[S2, t]),
         rows_at(buffer, (X, Y, C2, S2), rest),

@@ -46,7 +46,7 @@ import math
 import numpy as np
 
 from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.rows import whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.convolution.angular_series import angular_series
 from ellipsoid_coupling.interaction.convolution.fft_lengths import Ladder
@@ -163,7 +163,7 @@ class SampleInteraction:
             return
         functions = 2 * self.harmonics + 1
         sources = deposit(here, nodes, functions, 1.0 / slots.size, room)
-        shape = *here.extent, whole_vectors(functions)
+        shape = *here.extent, round_up_to_vectors(functions)
         potential: Real = room.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:

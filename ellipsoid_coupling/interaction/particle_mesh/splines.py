@@ -13,7 +13,7 @@ import numpy as np
 
 from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.compiled.jit import for_each, inline_kernel, kernel, shares, view_kernel
-from ellipsoid_coupling.compiled.rows import whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.simd_sums import Four, add_stencil, sum_stencil
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import Indices, Real
 from ellipsoid_coupling.interaction.grid_forces import Array
@@ -282,7 +282,7 @@ def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, room: KeptA
     samples, begin, corner, extent = here
     windows = windows_of(begin)
     parts, first, offsets = windows
-    shape = int(offsets[-1]), extent[1], whole_vectors(functions)
+    shape = int(offsets[-1]), extent[1], round_up_to_vectors(functions)
     partial = room.array("windows", shape, np.float64)
 
     def put(k: int) -> None:

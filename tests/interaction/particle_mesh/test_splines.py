@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.rows import whole_vectors
+from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.interaction.particle_mesh.splines import (
     STENCIL,
     Nodes,
@@ -112,7 +112,7 @@ def test_to_the_nodes_and_back_against_scipy(harmonics: int, count: int) -> None
         assert np.count_nonzero(expected) == np.count_nonzero(expected[:, *part])
         expected = expected[:, *part]
         np.testing.assert_allclose(sources, expected, atol=1e-12 * np.abs(expected).max())
-    potential = np.zeros((NODES.rows, NODES.columns, whole_vectors(functions)))
+    potential = np.zeros((NODES.rows, NODES.columns, round_up_to_vectors(functions)))
     potential[..., :functions] = rng.standard_normal((NODES.rows, NODES.columns, functions))
     here_only = np.ascontiguousarray(potential[part])
     found = interpolate(samples, NODES, here.corner, here_only, functions, room)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
 import numba
-from numba.core import compiler, compiler_lock, event
+from numba.core import caching, compiler, compiler_lock, event
 
 from ellipsoid_coupling.compiled.events import announce
 from ellipsoid_coupling.compiled.threading_layer import layer
@@ -76,9 +76,53 @@ if "NUMBA_THREADING_LAYER" in os.environ:
     layer()  # told now if it is missing, not after a minute of compiling
 
 
+# Types whose formulas come from outside of the package, see `leave_uncached`.
+_uncached: set[type[Any]] = set()
+
+
+def leave_uncached(kind: type[Any]) -> None:
+    """Compile whatever takes an argument of type `kind`, a NamedTuple, anew in every session."""
+    _uncached.add(kind)
+
+
+def _is_uncached(kind: Any) -> bool:
+    """Whether a type of numba's is one of these, or holds one."""
+    return getattr(kind, "instance_class", None) in _uncached or any(
+        map(_is_uncached, getattr(kind, "types", ()))
+    )
+
+
+def _goes_to_disk(signature: Any) -> bool:
+    return not any(map(_is_uncached, getattr(signature, "args", signature)))
+
+
+def _load(cache: Any, signature: Any, context: Any) -> Any:
+    return (
+        super(_Cache, cache).load_overload(signature, context) if _goes_to_disk(signature) else None
+    )
+
+
+def _save(cache: Any, signature: Any, result: Any) -> None:
+    if _goes_to_disk(signature):
+        super(_Cache, cache).save_overload(signature, result)
+
+
+_FunctionCache: Any = caching.FunctionCache
+_Cache: Any = type("_Cache", (_FunctionCache,), {"load_overload": _load, "save_overload": _save})
+
+
+def _cached(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile `function` with numba, into a cache that leaves out what comes from outside."""
+    compiled: Any = numba.njit(nogil=True, **(KERNEL_OPTIONS | options))(function)
+    # With compilation switched off, kernels are what Python runs.
+    if compiled is not function:
+        compiled._cache = _Cache(function)
+    return compiled
+
+
 def kernel(function: Function) -> Function:
     """Compile `function` for one thread; the original stays reachable as ``.py_func``."""
-    return cast(Function, numba.njit(cache=True, nogil=True, **KERNEL_OPTIONS)(function))
+    return cast(Function, _cached(function))
 
 
 def view_kernel(function: Function) -> Function:
@@ -88,9 +132,7 @@ def view_kernel(function: Function) -> Function:
     cells cost as much as its update. Where nothing can be allocated, nothing is counted; hence such
     a kernel must not return an array either, which its caller would believe counted.
     """
-    options = KERNEL_OPTIONS | {"_nrt": False}
-    compiled = numba.njit(cache=True, nogil=True, **options)(function)
-    return cast(Function, compiled)
+    return cast(Function, _cached(function, _nrt=False))
 
 
 def _declare_apart(pipeline: Any) -> Any:
@@ -108,27 +150,23 @@ def apart_kernel(function: Function) -> Function:
     To make sure of that at run time, as other kernels do, LLVM would have to compare every two
     addresses, and gives up at some ten. What two arguments may share is what is only read.
     """
-    options = KERNEL_OPTIONS | {"_nrt": False, "pipeline_class": _Apart}
-    compiled = numba.njit(cache=True, nogil=True, **options)(function)
-    return cast(Function, compiled)
+    return cast(Function, _cached(function, _nrt=False, pipeline_class=_Apart))
 
 
 def inline_kernel(function: Function) -> Function:
     """Compile a small scalar formula that every caller shall inline, so that its loop vectorises."""
-    compiled = numba.njit(cache=True, nogil=True, inline="always", **KERNEL_OPTIONS)(function)
-    return cast(Function, compiled)
+    return cast(Function, _cached(function, inline="always"))
 
 
 def parallel_kernel(function: Function) -> Function:
     """Compile `function` with its ``numba.prange`` loops shared among the threads."""
-    compiled = numba.njit(cache=True, nogil=True, parallel=True, **KERNEL_OPTIONS)(function)
-    return cast(Function, compiled)
+    return cast(Function, _cached(function, parallel=True))
 
 
 def plain(function: Function) -> Function:
     """The Python function that a kernel was compiled from: its slow twin in tests."""
     compiled: Any = function
-    return cast(Function, compiled.py_func)
+    return cast(Function, getattr(compiled, "py_func", function))
 
 
 @contextmanager

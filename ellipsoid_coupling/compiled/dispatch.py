@@ -1,0 +1,90 @@
+"""Functions whose formula is chosen by the type of their first argument, in kernels while compiling.
+
+A kind of flux, potential, boundary or closure is a NamedTuple (its parameters) and a formula:
+
+    @chosen_by_type
+    def outer_force(potential, x, y):
+        "-grad V1 at a place."
+
+    class Harmonic(NamedTuple):
+        stiffness: float
+
+    @inline_kernel
+    def _harmonic_force(potential, x, y):
+        return -potential.stiffness * x, -potential.stiffness * y
+
+    register_formula(outer_force, Harmonic, _harmonic_force)
+
+A kernel calls ``outer_force(potential, x, y)`` and is compiled with the formula of that type inlined.
+What is registered from outside of the package is compiled anew in every session: numba's cache would not
+notice that its file has changed.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from numba.extending import overload
+
+from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, leave_uncached
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OPTIONS: Any = KERNEL_OPTIONS
+_PACKAGE = __name__.partition(".")[0]
+
+
+def chosen_by_type(declared: Function) -> Function:
+    """A function that has a formula for each registered type of its first argument; it has no body.
+
+    Raises TypeError, naming the known types, when called with another one.
+    """
+    formulas: dict[type[Any], Callable[..., Any]] = {}
+
+    @functools.wraps(declared)
+    def call(first: Any, *others: Any) -> Any:
+        formula = formulas.get(type(first))
+        if formula is None:
+            known = ", ".join(kind.__name__ for kind in formulas) or "none"
+            raise TypeError(
+                f"{declared.__name__} is not known for {type(first).__name__}, but for {known}"
+            )
+        return formula(first, *others)
+
+    vars(call)["formulas"] = formulas
+    return cast(Function, call)
+
+
+def register_formula(
+    function: Callable[..., Any], kind: type[Any], formula: Callable[..., Any]
+) -> None:
+    """Make `formula` what `function` does for a first argument of type `kind`; see `chosen_by_type`.
+
+    Parameters
+    ----------
+    kind : a NamedTuple
+    formula : an inline kernel, or a Python function that numba can compile
+
+    Raises
+    ------
+    ValueError
+        If that type has a formula already.
+    """
+    formulas: dict[type[Any], Callable[..., Any]] = vars(function)["formulas"]
+    if kind in formulas:
+        raise ValueError(f"{function.__name__} has a formula for {kind.__name__} already")
+    source: Any = getattr(formula, "py_func", formula)
+    formulas[kind] = formula
+    if source.__module__.partition(".")[0] != _PACKAGE:
+        leave_uncached(kind)
+
+    def choose(first: Any, *others: Any) -> Any:
+        del others
+        return source if getattr(first, "instance_class", None) is kind else None
+
+    # Numba looks at the names of the arguments.
+    vars(choose)["__signature__"] = inspect.signature(source)
+    overload(function, inline="always", strict=False, jit_options=_OPTIONS)(choose)

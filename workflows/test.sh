@@ -10,4 +10,7 @@ command -v chromium >/dev/null || install_system chromium || say "chromium is no
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy
-exec .venv/bin/python -m pytest "$@"
+# Everything: a worker a core, up to four. Some tests alone (benchmarks, say): one.
+workers=$(nproc)
+[ $# -gt 0 ] && workers=0
+exec .venv/bin/python -m pytest -n "$((workers > 4 ? 4 : workers))" --dist loadfile "$@"

@@ -14,6 +14,7 @@ with the cubic B-spline B, so velocity and gradient come from the same 16 coeffi
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ Array = NDArray[np.float64]
 
 # A particle that a wall reflects may end on the wall's other side by rounding: still inside.
 RIM = 1e-9
+# Each way, where the largest speed is looked for.
+_POINTS = 401
 
 
 class FlowArrays(NamedTuple):
@@ -211,7 +214,7 @@ class FlowField:
         )  # fmt: skip
         return cls(arrays, origin)
 
-    @property
+    @functools.cached_property
     def digest(self) -> str:
         """What tells two flows apart: a hash of their numbers, whatever they are called."""
         digest = hashlib.sha256()
@@ -233,6 +236,14 @@ class FlowField:
             return flow.x_low, flow.x_high, flow.y_low, flow.y_high
         ny, nx = self.cells
         return flow.x0, flow.x0 + nx / flow.inverse_dx, flow.y0, flow.y0 + ny / flow.inverse_dy
+
+    @functools.cached_property
+    def largest_speed(self) -> float:
+        """The largest speed inside the flow's rectangle, on a grid of points."""
+        x_low, x_high, y_low, y_high = self.bounds
+        axes = np.linspace(x_low, x_high, _POINTS), np.linspace(y_low, y_high, _POINTS)
+        sample = self.evaluate(*np.meshgrid(*axes))
+        return float((np.hypot(sample.velocity_x, sample.velocity_y) * sample.inside).max())
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> FlowSample:
         """Velocity and gradient at points of any (common) shape; `inside` tells where they hold."""

@@ -80,7 +80,7 @@ def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
     letter = "xy"[axis]
     if abs(at - wall) > _SAME_PLACE * (high - low):
         return f"the domain's side lies at {letter} = {at:.9g}, the flow's at {wall:.9g}"
-    across, largest = _mean_across(flow, axis, wall), _largest_speed(flow)
+    across, largest = _mean_across(flow, axis, wall), flow.largest_speed
     if across > _TIGHT * largest:
         return (
             f"fluid crosses that side of its mesh with {across:.3g} on the mean, "
@@ -97,13 +97,6 @@ def _mean_across(flow: FlowField, axis: int, wall: float) -> float:
     sample = flow.evaluate(*((at, along) if axis == 0 else (along, at)))
     across = np.abs(sample.velocity_x if axis == 0 else sample.velocity_y)
     return float(np.mean(across, where=sample.inside)) if sample.inside.any() else 0.0
-
-
-def _largest_speed(flow: FlowField) -> float:
-    x_low, x_high, y_low, y_high = flow.bounds
-    axes = np.linspace(x_low, x_high, _POINTS), np.linspace(y_low, y_high, _POINTS)
-    sample = flow.evaluate(*np.meshgrid(*axes))
-    return float((np.hypot(sample.velocity_x, sample.velocity_y) * sample.inside).max())
 
 
 def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Floats) -> None:

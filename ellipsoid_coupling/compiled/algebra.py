@@ -3,7 +3,7 @@
 All fields of a cell stand side by side in a tuple whose length is known when a kernel is compiled; a
 component that a scene does not have makes it shorter. Each function takes tuples of one length and
 numbers, which count for every element; of empty tuples it makes an empty tuple, and no code. Rounding is
-that of the plain operators, element by element: nothing is fused.
+that of the plain operators, element by element: nothing is fused but `fused_axpy`.
 
 Python has the same functions, for tests and for kernels that run without being compiled.
 """
@@ -67,6 +67,11 @@ def axpy(
     return tuple(u * v + w for u, v, w in _columns(a, x, y))
 
 
+def fused_axpy(a: Values | float, x: Values | float, y: Values | float) -> Values:
+    """A x + y, in kernels with one rounding, as `intrinsics.fma`; plain Python rounds twice."""
+    return tuple(u * v + w for u, v, w in _columns(a, x, y))
+
+
 def maximum(a: Values | float, b: Values | float) -> Values:
     """The larger one; `a` where one of them is not a number."""
     return tuple(max(x, y) for x, y in _columns(a, b))
@@ -120,6 +125,12 @@ def _div(builder: Any, floats: bool, a: Any, b: Any) -> Any:
 
 def _axpy(builder: Any, floats: bool, a: Any, x: Any, y: Any) -> Any:
     return _add(builder, floats, _mul(builder, floats, a, x), y)
+
+
+def _fused_axpy(builder: Any, floats: bool, a: Any, x: Any, y: Any) -> Any:
+    if not floats:
+        raise TypingError("fused_axpy is for floating point numbers")
+    return builder.fma(a, x, y)
 
 
 def _second_if(comparison: str) -> Callable[..., Any]:
@@ -197,6 +208,7 @@ _elementwise(mul, _mul)
 _elementwise(scale, _mul)
 _elementwise(div, _div)
 _elementwise(axpy, _axpy)
+_elementwise(fused_axpy, _fused_axpy)
 _elementwise(maximum, _second_if(">"))
 _elementwise(minimum, _second_if("<"))
 _elementwise(absolute, _absolute)

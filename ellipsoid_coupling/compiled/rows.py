@@ -1,9 +1,9 @@
 """Rows of one array side by side, element by element as tuples, in kernels (a structure of arrays).
 
-A loop that treats all fields of a cell at once touches each number once, where a loop a field reads
-again what the one before has written. How many fields there are is known when such a loop is compiled:
-it is the length of a tuple. Kernels see addresses, without counting references and without checking
-bounds; Python sees views. `algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
+A loop that treats all fields of a cell at once touches each number once; one loop a field would read
+again what the loop before has written. The number of fields is the length of a tuple, known when the loop
+is compiled. Kernels see addresses, without reference counts and without bounds checks; Python sees views.
+`algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def prefetch(rows: Rows, i: int) -> None:
 def element(array: NDArray[Any], i: int) -> Any:
     """Element i of a contiguous array, along its axes one after another.
 
-    Kernels do not count a negative i from the end; with ``array[first + i]`` in a loop they do, and
-    gather what stands in line.
+    Kernels do not count a negative i from the end. With ``array[first + i]`` in a loop they do, and then
+    gather number by number instead of loading vectors.
     """
     return array.reshape(-1)[i]
 
@@ -83,8 +83,8 @@ def map_fields(
     Returns
     -------
     tuple
-        Of what the formula returns; where that is several numbers, a tuple of each of them. Nothing
-        for empty tuples.
+        The formula's values; where it returns several numbers, a tuple of each of them. () for empty
+        tuples.
     """
     found = [formula(*shared, *values) for values in zip(*fields, strict=True)]
     if not found:

@@ -7,7 +7,7 @@ from typing import Literal
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.convolution.angular_series import angular_series
 from ellipsoid_coupling.interaction.convolution.fft_lengths import padded_length
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import LEAST_SINGLE_TOLERANCE
+from ellipsoid_coupling.interaction.convolution.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.interaction.direct import DirectInteraction
 from ellipsoid_coupling.interaction.grid_forces import GridInteraction, check_grid, half_widths
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction

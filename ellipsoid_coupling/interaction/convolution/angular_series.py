@@ -18,28 +18,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    for_each,
-    kernel,
-    shares,
-    view_kernel,
-)
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.simd_sums import sum_rows
+from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
+from ellipsoid_coupling.compiled.tuning import SERIES_TASKS
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
-# Angles sampled per harmonic kept: three per wave of the highest harmonic kept, in each angle.
+# Angles sampled per harmonic of the series: three per wave of its highest harmonic, in each angle.
 OVERSAMPLING = 6
 LEAST_ANGLES = 64
-# The search looks at some of the distances only; what it finds is checked on all of them.
+# The search for the length of the series looks at some distances; its result is checked on all of them.
 SEARCH_DISTANCES = 32
 # From this error on it falls by ever less a harmonic (measured at aspects up to 20).
 SLOWING = 0.5
-# Distances are dealt out in so many tasks at most.
-_TASKS = 64
 
 
 class AngularSeries(NamedTuple):
@@ -138,7 +132,7 @@ def _distances(shape: PotentialShape, h: float) -> tuple[NDArray[np.int64], NDAr
 
 
 class _Expansion(NamedTuple):
-    """Per distance: coefficients as in `AngularSeries`; largest force and torque, and errors."""
+    """At each distance coefficients as in `AngularSeries`; largest force and torque, and errors."""
 
     coefficients: Array
     peaks: Array
@@ -191,15 +185,15 @@ def _expand(
     measured: bool,
 ) -> _Expansion:
     """Of these entries of `pair_potential`; with `measured`, peaks and misses as well."""
-    functions, found = 2 * harmonics + 1, len(entries) - 1 if measured else 0
+    functions, measures = 2 * harmonics + 1, len(entries) - 1 if measured else 0
     coefficients = np.empty((distances.size, len(entries), functions, functions))
-    peaks, misses = np.empty((2, distances.size, found))
-    parts = [slice(*part) for part in shares(distances.size, _TASKS)]
+    peaks, misses = np.empty((2, distances.size, measures))
+    parts = [slice(*part) for part in chunk_ranges(distances.size, SERIES_TASKS)]
     lattice, first = _lattice(harmonics), entries[0]
 
     def some(k: int) -> None:
         out = coefficients[parts[k]], peaks[parts[k]], misses[parts[k]]
-        _expand_some(distances[parts[k]], lattice, tuple(shape), first, out)
+        _expand_some(distances[parts[k]], lattice, shape, first, out)
 
     for_each(len(parts), some)
     return _Expansion(coefficients, peaks, misses)
@@ -209,37 +203,35 @@ def _expand(
 def _expand_some(
     distances: Array,
     lattice: _Lattice,
-    shape: tuple[float, ...],
+    shape: PotentialShape,
     first: int,
     out: tuple[Array, Array, Array],
 ) -> None:
-    """See `_Expansion`; entries of `pair_potential` from `first` on, peaks and misses if there is room."""
+    """See `_Expansion`, for entries of `pair_potential` from `first` on; no peaks where they are empty."""
     coefficients, peaks, misses = out
-    shape_factor, size, reach, bluntness = shape
-    constants = PotentialShape(shape_factor, size, reach, bluntness)
     components, functions = coefficients.shape[1:3]
     n, padded = lattice.angles.size, lattice.basis.shape[0]
     cosines, sines = np.empty(n), np.empty(n)
     for i in range(n):
         cosines[i], sines[i] = cos_sin(2.0 * lattice.angles[i])
-    # What one distance needs stays in cache.
+    # The arrays of one distance stay in cache.
     row, values, again = np.empty((4, n)), np.empty((components, n, n)), np.empty((n, n))
-    half, found = np.empty((functions, n)), np.empty((functions, padded))
+    half, series = np.empty((functions, n)), np.empty((functions, padded))
     other = np.empty((n, padded))
     for k in range(distances.size):
         for i in range(n):
-            _sample_row(distances[k], (cosines[i], sines[i]), (cosines, sines), constants, row)
+            _sample_row(distances[k], (cosines[i], sines[i]), (cosines, sines), shape, row)
             for c in range(components):
                 _copy(row[first + c], values[c, i])
         if peaks.shape[1] > 0:
             _set_largest(values, peaks[k])
         for c in range(components):
             sum_rows(lattice.dual, values[c], half)
-            sum_rows(half, lattice.dual_columns, found)
+            sum_rows(half, lattice.dual_columns, series)
             for p in range(functions):
-                _copy(found[p], coefficients[k, c, p])
+                _copy(series[p], coefficients[k, c, p])
             if peaks.shape[1] > 0:
-                sum_rows(lattice.basis_columns, found, other)
+                sum_rows(lattice.basis_columns, series, other)
                 sum_rows(other, lattice.basis, again)
                 for i in range(n):
                     _subtract(again[i], values[c, i])
@@ -247,19 +239,19 @@ def _expand_some(
             _set_largest(values, misses[k])
 
 
-@view_kernel
+@kernel(noalias=True)
 def _copy(row: Array, out: Array) -> None:
     for j in range(out.size):
         out[j] = row[j]
 
 
-@view_kernel
+@kernel(noalias=True)
 def _subtract(row: Array, out: Array) -> None:
     for j in range(out.size):
         out[j] -= row[j]
 
 
-@view_kernel
+@kernel(noalias=True)
 def _set_largest(values: Array, out: Array) -> None:
     """Largest length of the force and largest torque over all angles: out (1 or 2,)."""
     force, torque = 0.0, 0.0
@@ -273,7 +265,7 @@ def _set_largest(values: Array, out: Array) -> None:
         out[1] = torque
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _sample_row(
     distance: float,
     target: tuple[float, float],
@@ -295,7 +287,7 @@ def _sample_row(
 def angular_basis(angle: Array, out: NDArray[np.floating]) -> None:
     """b_p(angle) of every cell: `angle` (ny, nx) to `out` (2M + 1, ny, nx), single or double.
 
-    The multiples follow by turning on, cos 2(k+1)a = cos 2ka cos 2a - sin 2ka sin 2a, in double.
+    Multiples follow by adding angles, cos 2(k+1)a = cos 2ka cos 2a - sin 2ka sin 2a, in double.
     """
     for i in range(angle.shape[0]):
         row = angle[i]

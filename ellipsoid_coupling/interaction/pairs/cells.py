@@ -54,7 +54,7 @@ def cell_grid(x_range: tuple[float, float], y_range: tuple[float, float], reach:
 
 @inline_kernel
 def _clamped(place: float, most: int) -> int:
-    """`place`, in cells, within [0, most]; 0 for what is no number."""
+    """The cell of `place`, in cells, within [0, most]; 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
     index = 0
     if place >= most:

@@ -3,14 +3,15 @@
     force_i = -eps0/S sum_j grad_r U(r_i, r_j, theta_i, theta_j),    torque_i with dU/dtheta
 
 The work grows like S^2, but not with the steepness of the potential: for few samples, and for slender
-particles, whose series in the angles never ends (`sample_forces`).
+particles, whose series in the angles never ends (`forces`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.pairs.cells import (
     C2,

@@ -30,6 +30,7 @@ Values = tuple[float, ...]
 
 def _columns(*operands: Any) -> Any:
     """The operands element by element; numbers count for every element."""
+    # The first tuple gives the length; `zip` then refuses others of another length.
     count = next(len(operand) for operand in operands if isinstance(operand, tuple))
     rows = (o if isinstance(o, tuple) else (o,) * count for o in operands)
     return zip(*rows, strict=True)
@@ -137,6 +138,8 @@ def _second_if(comparison: str) -> Callable[..., Any]:
     """The second one if it compares so with the first one."""
 
     def write(builder: Any, floats: bool, a: Any, b: Any) -> Any:
+        # Ordered comparisons are false for NaN, so that the first operand stays, as with Python's
+        # max.
         compare = builder.fcmp_ordered if floats else builder.icmp_signed
         return builder.select(compare(comparison, b, a), b, a)
 
@@ -174,6 +177,7 @@ def _elementwise(function: Any, write: Callable[..., Any], valued: slice = slice
 
     def result(context: Any, *kinds: Any) -> Any:
         del context
+        # Lengths are part of the types: a mismatch is found when the kernel is compiled.
         counts = {kind.count for kind in kinds if _is_spread(kind)}
         if len(counts) != 1:
             raise TypingError(f"tuples of one length are needed, not {kinds}")
@@ -187,6 +191,7 @@ def _elementwise(function: Any, write: Callable[..., Any], valued: slice = slice
             single = kind.dtype if _is_spread(kind) and count else kind
             column = _unpack(builder, argument, count) if _is_spread(kind) else [argument] * count
             if k in range(len(arguments))[valued]:
+                # Integers become floating point numbers where any operand is one; conditions stay.
                 column = [context.cast(builder, one, single, made.dtype) for one in column]
             columns.append(column)
         floats = count > 0 and isinstance(made.dtype, types.Float)

@@ -57,6 +57,7 @@ def unpack(packed: Any) -> Any:
 def _box_for(kind: Any) -> Any:
     if kind not in _kinds:
         _kinds.append(kind)
+    # A record of one byte: its size does not matter, its name does.
     field = {"type": types.uint8, "offset": 0}
     return _array(_record([(f"kind_{_kinds.index(kind)}", field)], 1, False), 1, "C")
 

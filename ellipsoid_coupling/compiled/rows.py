@@ -112,6 +112,7 @@ def _emit_rows_at(context: Any, builder: Any, signature: Any, arguments: list[An
     whole = context.make_array(array)(context, builder, arguments[0])
     length = _unpack(builder, whole.shape, array.ndim)[-1]
     first = context.cast(builder, arguments[2], signature.args[2], types.intp)
+    # Addresses are computed here, once, and not in the loop that loads from them.
     starts = []
     for row in _unpack(builder, arguments[1], which.count):
         position = builder.add(builder.mul(row, length), first)
@@ -141,6 +142,7 @@ def _emit_store(context: Any, builder: Any, signature: Any, arguments: list[Any]
     values = _unpack(builder, arguments[2], rows.count)
     addresses = _addresses(context, builder, signature, arguments)
     for address, value, kind in zip(addresses, values, held.types, strict=True):
+        # Rows in single precision take numbers in double precision.
         builder.store(context.cast(builder, value, kind, rows.dtype.dtype), address)
     return context.get_dummy_value()
 
@@ -188,6 +190,7 @@ def _emit_map(context: Any, builder: Any, signature: Any, arguments: list[Any]) 
     returned, count = signature.return_type, fields[0].count
     if count == 0:
         return context.make_tuple(builder, returned, ())
+    # One call of the formula an element: LLVM inlines them all.
     single = _single_call(context.typing_context, formula, shared, fields)
     call = context.get_function(formula, single)
     first = _unpack(builder, arguments[1], len(shared))

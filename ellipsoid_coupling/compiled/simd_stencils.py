@@ -75,6 +75,7 @@ def _sum_stencil(
             for kind, value in ((nodes, arguments[0]), (factors, arguments[4]))
         )
         first, next_row, n = _strides(builder, node, arguments[1])
+        # Weights are the same for all functions: each is copied to all lanes of a vector.
         (v, rise), (w, slope) = (
             [
                 [broadcast(builder, weight) for weight in unpack(builder, four, 4)]
@@ -88,6 +89,7 @@ def _sum_stencil(
             builder.store(nothing, total)
         with counted_loop(builder, builder.sdiv(n, n.type(DOUBLES))) as over_blocks:
             begin = builder.mul(over_blocks.index, n.type(DOUBLES))
+            # The nodes' sums for one vector of functions: first along x, then along y.
             value = along_x = along_y = nothing
             for a in range(4):
                 straight = sloped = nothing
@@ -99,11 +101,13 @@ def _sum_stencil(
                 value = fma(builder, v[a], straight, value)
                 along_x = fma(builder, v[a], sloped, along_x)
                 along_y = fma(builder, rise[a], straight, along_y)
+            # Multiplied by the basis functions only now: once a vector, not once a node.
             once = load_doubles(builder, factor.data, begin)
             turned = load_doubles(builder, factor.data, builder.add(n, begin))
             parts = (once, along_x), (once, along_y), (turned, value)
             for total, (by, part) in zip(totals, parts, strict=True):
                 builder.store(fma(builder, by, part, builder.load(total)), total)
+        # Lanes are added at the very end, always in the same order.
         sums = [sum_lanes(builder, builder.load(total)) for total in totals]
         return context.make_tuple(builder, signature.return_type, sums)
 
@@ -150,6 +154,7 @@ def _add_stencil(context: Any, nodes: Any, at: Any, along_y: Any, along_x: Any, 
         )
         first, next_row, n = _strides(builder, node, arguments[1])
         rows, columns = (unpack(builder, four, 4) for four in arguments[2:4])
+        # All 16 products V_a W_b are made before the loop and stay in registers.
         weights = [[broadcast(builder, builder.fmul(v, w)) for w in columns] for v in rows]
         with counted_loop(builder, builder.sdiv(n, n.type(DOUBLES))) as over_blocks:
             begin = builder.mul(over_blocks.index, n.type(DOUBLES))

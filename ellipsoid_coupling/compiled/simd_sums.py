@@ -65,6 +65,7 @@ def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: An
         number = context.get_value_type(factors.dtype)
         vector = ir.VectorType(number, LINE * 8 // factors.dtype.bitwidth)
         nothing = ir.Constant(vector, [0.0] * vector.count)
+        # All arrays but the indices are read and written as whole vectors.
         factor_data, _, source_data, sum_data = (
             builder.bitcast(array.data, vector.as_pointer()) for array in arrays
         )
@@ -73,9 +74,12 @@ def _sum_products(context: Any, factors: Any, which: Any, sources: Any, sums: An
         totals = [[variable(builder, vector) for _ in range(_PARTS)] for _ in range(2)]
         with counted_loop(builder, lines) as over_lines:
             line = over_lines.index
+            # All targets and sources of one line of frequencies, before the next line: the line's
+            # blocks are contiguous.
             first_source = builder.mul(line, terms)
             with counted_loop(builder, blocks_of(builder, terms, 2)) as over_pairs:
                 targets = indices_of_block(builder, over_pairs.index, terms, 2)
+                # Variables on the stack: LLVM keeps these eight sums in registers.
                 for total in itertools.chain(*totals):
                     builder.store(nothing, total)
                 rows = []
@@ -110,6 +114,7 @@ def _add_products(
     data, places = factors
     for place in places:
         emit_prefetch(builder, builder.gep(data, [builder.add(place, place.type(LINES_AHEAD))]))
+    # The factors of both targets are loaded once, each source is used for both.
     loaded = [load_line(builder, data, place) for place in places]
     first = times(builder, source[1], _PARTS)
     for part in range(_PARTS):
@@ -175,6 +180,8 @@ def _sum_rows(context: Any, weights: Any, rows: Any, sums: Any) -> Any:
                 targets = indices_of_block(builder, over_rows.index, count, SUM_ROWS)
                 for sum_here in itertools.chain(*totals):
                     builder.store(nothing, sum_here)
+                # Four rows of weights times two lines of columns: each loaded number serves several
+                # sums.
                 begins = [builder.mul(target, terms) for target in targets]
                 with counted_loop(builder, terms) as over_terms:
                     first = builder.mul(over_terms.index, lines)

@@ -86,6 +86,7 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
         for k in numbers:
             task(k)
 
+    # The calling thread is one of them.
     helpers = min(numba.get_num_threads(), count) - 1
     if helpers < 1:
         work()
@@ -95,5 +96,6 @@ def for_each(count: int, task: Callable[[int], None]) -> None:
         work()
     finally:
         wait(jobs)
+    # Raises what a task has raised.
     for job in jobs:
         job.result()

@@ -42,6 +42,7 @@ def _jump(
     density: float, momentum: float, next_density: float, next_one: float, least: float
 ) -> float:
     """V - v_next, where both cells are denser than `least`; by one division."""
+    # Velocities need two divisions, the common denominator one.
     jump = (momentum * next_density - next_one * density) / (density * next_density)
     return jump if min(density, next_density) > least else 0.0
 
@@ -187,6 +188,7 @@ class CrossingDetector:
         compression = largest_compression(fields, cell, extents)
         if compression <= self._damping:
             return
+        # The blow-up has ended, or is out of the grid's reach, once the compression falls.
         grows = compression >= self.memory[_STRONGEST]
         estimate = now + 1.0 / compression
         self.memory[_STRONGEST] = max(compression, self.memory[_STRONGEST])

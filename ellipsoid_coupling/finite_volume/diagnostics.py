@@ -62,6 +62,7 @@ def _survey(
     tasks, lines = surveys.shape[0], planes * rows
     plane = fields.shape[1] * fields.shape[2]
     for task in numba.prange(tasks):
+        # One sum for each column of cells: additions along x do not wait for each other.
         sums = np.zeros((len(components), columns))
         sums[_LEAST] = np.inf
         here = rows_at(sums, kinds, 0)
@@ -90,6 +91,7 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     with threads_for(count * rows * (planes.shape[3] - 2 * GHOSTS), CELLS_PER_THREAD):
         _survey(planes, components, tuple(range(len(components))), first, count, surveys)
     mass, motion, spin = (float(surveys[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
+    # Tasks follow from the rows alone, so that the sums have one order.
     least = float(surveys[:, _LEAST].min())
     if not mass > 0.0:
         return mass, least, (0.0, 0.0)

@@ -103,6 +103,7 @@ def _set_between(
     """`_set_run` of the cells from `here` on, (angle, y, x), to out (2, cells) from `start` on."""
     pull, potential, distinct = forces
     rows = pull.shape[1]
+    # Rows of (angle, y); the potential has fewer angles where it is periodic in them.
     pulls = (
         rows_at(pull, (here[0] * rows + here[1],), here[2]),
         rows_at(pull, (beyond[0] * rows + beyond[1],), beyond[2]),
@@ -128,6 +129,7 @@ def _set_along_x(
     a, j = line // ny, line % ny
     row = (a + GHOSTS) * padded[0] + (j + GHOSTS) * padded[1]
     _set_between(forces, (a, j, 0), (a, j, 1), weights, nx - 1, out, row + GHOSTS)
+    # Beyond a wall the mirror image: the same work, the other way.
     back = -weights[0], -weights[1]
     for end in (0, nx + GHOSTS):
         i, sign = _source(end, nx, reflecting)
@@ -149,6 +151,7 @@ def _set_along_y(
     a, row = line // (ny + 2 * GHOSTS), line % (ny + 2 * GHOSTS)
     j, sign = _source(row, ny, reflecting)
     if sign != 0.0:
+        # Sums and differences of forces change sign exactly, so mirrored work does as well.
         signed = sign * weights[0], sign * weights[1]
         start = (a + GHOSTS) * padded[0] + row * padded[1] + GHOSTS
         _set_between(forces, (a, j, 0), (a, j + 1, 0), signed, nx, out, start)
@@ -161,6 +164,7 @@ def _set_along_angle(
     """From one angle to the next, number `line` of (y, padded angle), which is periodic."""
     na, _, nx = forces.pull.shape
     j, layer = line // (na + 2 * GHOSTS), line % (na + 2 * GHOSTS)
+    # The ghost layers of the angle are periodic images.
     a = (layer - GHOSTS) % na
     start = layer * padded[0] + (j + GHOSTS) * padded[1] + GHOSTS
     _set_between(forces, (a, j, 0), ((a + 1) % na, j, 0), weights, nx, out, start)

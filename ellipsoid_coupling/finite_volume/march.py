@@ -120,12 +120,15 @@ def _across(
             inverse_density(highest[DENSITY], flux.vacuum),
         )
         stencil = Stencil(load(below, i), load(here, i), highest, inverse, cell + i, stride)
+        # The face between `below` and `here`; `above` holds the old values that a flux of cells
+        # needs.
         leaving, up = through_face(flux, stencil, load(kept.ups, i), ratio)
         new = updated(flux, stencil.below, load(kept.faces, i), leaving)
         if i < width:
             store(below, i, new)
         store(kept.faces, i, leaving)
         store(kept.ups, i, up)
+        # The row `here` is the row `below` of the next step.
         kept.inverse_below[i] = inverse[1]
         kept.inverse_here[i] = inverse[2]
 
@@ -163,6 +166,7 @@ def begin_march(flux: Flux, below: Rows, here: Rows, workspace: Floats) -> None:
 def _stepped_row(below: Rows, components: tuple[int, ...], row: int, workspace: Floats) -> Rows:
     """The row that a step writes to: `below`, or a copy of it where it lies before the march."""
     if row < 1:
+        # The row before the march belongs to another one, or is a ghost: it is read, not changed.
         spare = rows_at(workspace[_SPARE], components, 0)
         copy_row(below, spare, workspace.shape[2])
         below = spare
@@ -183,6 +187,7 @@ def _kept_in(flux: Flux, components: tuple[int, ...], workspace: Floats) -> _Kep
 @inline_kernel
 def _outflow(march: March, row: int, workspace: Floats) -> float:
     """The mass that has left through the end that has been passed, less what came in."""
+    # Faces 0 and `length` are the march's ends; a face counts upwards.
     if row in (0, march.length):
         through = float(workspace[_FACES, DENSITY, : march.width].sum())
         return through if row == march.length else -through
@@ -228,6 +233,7 @@ def _step_in_blocks(
     size, block = workspace.shape[2], block_size(len(components))
     for first in range(0, size, block):
         prefetch_block(offset(rows[3], first), block)
+        # The rows of the march itself are in cache; only the row that comes next has to be fetched.
         part = slice(first, min(first + block, size))
         three = offset(below, first), offset(here, first), offset(above, first)
         kept = _Kept(

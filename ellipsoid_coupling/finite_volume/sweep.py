@@ -54,6 +54,8 @@ Floats = NDArray[np.float64]
 
 def bundle_width(columns: int, lines: int) -> int:
     """How many of `columns` march together on each of `lines`; all bundles but the last are alike."""
+    # Equal bundles, so that no thread ends with a narrow one; whole vectors, so that none is
+    # masked.
     most = WIDE_BUNDLE if lines >= MANY_LINES else NARROW_BUNDLE
     return int(round_up_to_vectors(-(-columns // -(-columns // most))))
 
@@ -103,6 +105,7 @@ def _along(
         entering = leaving
         leaving, up = through_face(flux, here, up, ratio)
         through[i] = leaving[DENSITY]
+        # The first two steps are for ghosts, the last ones fill a vector: neither changes a cell.
         if i >= GHOSTS and i < width + GHOSTS:
             store(cells, i, updated(flux, here.below, entering, leaving))
 
@@ -157,6 +160,7 @@ def _sweep_rows(
     longest = counts.max() + 2 * GHOSTS
     packed = pack(flux)
     for task in numba.prange(tasks):
+        # Each task has its own memory for a row: it stays in that core's cache.
         own, scratch = unpack(packed), row_scratch(longest)
         begin, end = chunk(task, tasks, starts.size)
         for row in range(begin, end):
@@ -236,6 +240,7 @@ def sweep_runs(
     components = in_order(fields.shape[0], normal)
     with small_chunks(runs.first.size):
         if stride == 1:
+            # Rows differ in length: several tasks a thread balance them.
             tasks = max(1, min(runs.first.size, TASKS_PER_THREAD * numba.get_num_threads()))
             _sweep_rows(flux, fields, components, runs, ratio, tasks, outflow)
         else:

@@ -110,9 +110,11 @@ class WellBalancedHeun:
         """
         system = self._system
         kept = system.left.copy(), self.memory.copy(), system.extents
+        # Half a step ahead: the midpoint rule makes the interaction second order in time.
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
         axes = system.axes
+        # Reversed order every second step: the splitting is second order over two steps.
         order = axes if count % 2 == 0 else axes[::-1]
         for axis in order:
             self._fill(axis)
@@ -158,6 +160,7 @@ class WellBalancedHeun:
             return
         for d, axis in enumerate(self._system.axes):
             # Only the angle is periodic: nothing acts across the ends of x and y.
+            # The rise from the last angle to the first one counts as well.
             closed = np.concatenate((potential, potential[:1])) if axis == -3 else potential
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
@@ -167,6 +170,7 @@ class WellBalancedHeun:
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
+        # The flux needs the tilt only; the rest of the work enters by the source.
         flux = Kinetic(work[0], system.smooth_part(axis))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         stage = _Stage(dt / system.grid.width(axis), *_exponential_weights(rate, dt))
@@ -177,6 +181,8 @@ class WellBalancedHeun:
         source = work, Limits(flux.smooth, system.vacuum)
         _push(system.fields, before, system.extents, *source, (normal, stride), stage)
         self._fill(axis)
+        # The second stage's source needs density and momentum as the first stage has left them,
+        # ghosts included.
         _copy(system.fields, middle, (Q, normal))
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `_combine`.
@@ -227,9 +233,12 @@ def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
     density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
     work to the upper one and from the lower one.
     """
+    # Ratios of the equilibrium's densities: upper face to centre, lower face to centre.
     rise, fall = up[0], 1.0 / down[0]
     factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
+    # Simpson's rule for the mean density of the profile over that of the equilibrium: c(s)/c(g).
     mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    # Both faces' pressures, and the rest of the work, which acts as a plain force.
     push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
     return push * density[1]
 

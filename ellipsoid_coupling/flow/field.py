@@ -18,7 +18,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -155,7 +155,9 @@ def sample_flow(
 
 
 @kernel
-def _sample_many(flow: FlowArrays, x: Array, y: Array, out: Array, inside: NDArray[Any]) -> None:
+def _sample_many(
+    flow: FlowArrays, x: Array, y: Array, out: Array, inside: NDArray[np.bool_]
+) -> None:
     """`sample_flow` at the points x, y (n,) into out (5, n) and inside (n,)."""
     for k in range(x.size):
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], inside[k] = sample_flow(

@@ -101,14 +101,17 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
     h, scale, shape, widths = setup
     c2, s2, density, extents = fields
     first, end = extents[row]
+    # Slopes are summed over all offsets before they are scaled: one rounding less a pair.
     sums = np.zeros((2, c2.shape[1]))
     for source in range(max(0, row - widths.size + 1), min(c2.shape[0], row + widths.size)):
         width = widths[abs(source - row)]
         for offset in range(-width, width + 1):
             a = max(first, extents[source, 0] - offset)
             b = min(end, extents[source, 1] - offset)
+            # Cells of the target's row that have an occupied source cell at this offset.
             if a >= b:
                 continue
+            # All these pairs have one offset, so that only angles vary along the loop.
             delta = offset * h, (source - row) * h
             target = c2[row, a:b], s2[row, a:b]
             a_bar, b_bar = a + offset, b + offset

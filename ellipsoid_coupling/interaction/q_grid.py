@@ -100,8 +100,10 @@ class AngleGridInteraction:
         self.grid_shape = grid_shape
         self.angles = distinct_angles(grid_shape[0], shape)
         scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
+        # Forces are minus the slopes of the potential.
         sign = -1.0 if quantity == "forces" else 1.0
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
+        # The kernels hold the factor of the sum, so that products need no scaling.
         self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
         self._spectra = FittedSpectra(grid_shape[1:], self._kernels.cells, self._kernels)
         self._transforms = Transforms(self._precision)
@@ -142,6 +144,7 @@ class AngleGridInteraction:
             return self._emptied(None)
         holding = np.any(extents[..., 1] > 0, axis=1)
         angles = _mirrored_angles(np.any(holding.reshape(-1, self.angles), axis=0))
+        # Angles without mass, or its mirror image, are not written: they must be 0 already.
         out = self._emptied(box if angles.which.size == self.angles else None)
         self._filled = box
         self._convolve(density[:, *box], angles, out[:, :, *box])
@@ -153,6 +156,8 @@ class AngleGridInteraction:
             shape = self._kernels.odd.size, self.angles, *self.grid_shape[1:]
             self._integral = np.zeros(shape, self._precision)
         elif self._filled is not None and not (box and contains(box, self._filled)):
+            # Only what the last call has filled beyond this box: all of it would take as long as
+            # the products.
             self._integral[:, :, *self._filled] = 0.0
         self._filled = None
         return self._integral
@@ -192,6 +197,7 @@ class AngleGridInteraction:
 
 def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
     """The angles with mass and their mirror images; `holding` (n,) tells which."""
+    # Angle cell a is mirrored to -a, which `multiply` needs together with a.
     taking_part = holding | np.roll(holding[::-1], 1)
     which = np.flatnonzero(taking_part)
     among = np.cumsum(taking_part) - 1

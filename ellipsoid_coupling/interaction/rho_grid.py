@@ -73,10 +73,12 @@ class HarmonicInteraction:
     def __call__(self, density: Array, angle: Array) -> Forces:
         """See `GridInteraction`."""
         check_fields(self.grid_shape, density, angle)
+        # Two components for circles, three with the torque.
         components = self.series.coefficients.shape[1]
         out = np.zeros((components, *self.grid_shape))
         box = occupied_box(occupied_extents(density[None]))
         if box is not None:
+            # Shorter transforms for the occupied rectangle; nothing beyond it acts or is acted on.
             self._add_forces(density[box], angle[box], out[(slice(None), *box)])
         return Forces(out[0], out[1], out[2] if components == 3 else None)
 
@@ -86,6 +88,7 @@ class HarmonicInteraction:
 
         def sources(part: slice) -> Real:
             angular_basis(angle[part], basis[:, part])
+            # b_q(phi) rho: the same basis weights the result in `add`.
             mass: Real = density[part].astype(self._precision)
             return basis[:, part] * mass
 
@@ -141,6 +144,7 @@ def _evaluate(fields: Real, basis: Real, density: Array, out: Array) -> None:
     """out[c] = sum_p fields[c, p] basis[p] in occupied cells, 0 elsewhere."""
     for i in range(basis.shape[1]):
         for c in range(fields.shape[0]):
+            # Row by row, so that the sums of a row stay in cache.
             for p in range(basis.shape[0]):
                 for j in range(basis.shape[2]):
                     out[c, i, j] += fields[c, p, i, j] * basis[p, i, j]

@@ -144,6 +144,7 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     density = here[DENSITY]
     low, high = density - below[DENSITY], above[DENSITY] - density
     slope = limited(low, high, _DENSITY_LIMIT, flux.bends[0] * density)
+    # Distance of the centre of mass from the centre, times the density.
     twelfth = _TWELFTH * slope
     centre = twelfth * inverse[1]
     v = here[ALONG] * inverse[1]
@@ -164,6 +165,8 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     middle_up, middle_down = fma(-0.5, upper, 0.5), fma(-0.5, lower, 0.5)
     up = upper * fma(slope, middle_up, density)
     down = lower * fma(-slope, middle_down, density)
+    # The slope's part of what leaves: the strip's centre against the cell's centre of mass, and
+    # sigma^3/12.
     arm_up = fma(twelfth, upper * upper * upper, up * (middle_up - centre))
     arm_down = fma(twelfth, lower * lower * lower, -down * (middle_down + centre))
     advected_up, advected_down = map_fields(

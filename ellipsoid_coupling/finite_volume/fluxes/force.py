@@ -49,6 +49,7 @@ def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     middle_density = 0.5 * (rho_l + rho_r) - half * (m_r - m_l)
     rise = m_r * v_r - m_l * v_l + flux.pressure * (rho_r - rho_l)
     middle_momentum = 0.5 * (m_l + m_r) - half * rise
+    # Beside vacuum U* may be empty; it has no velocity then.
     middle_v = half * middle_momentum / middle_density if middle_density > flux.vacuum else 0.0
     part_l, part_r = half * v_l, half * v_r
     weight_l = fma(middle_v, 0.5 + part_l, fma(0.5, part_l, 0.25))

@@ -95,6 +95,8 @@ def _half_moments(v: float) -> tuple[float, float]:
     Its last coefficient is adjusted in the tenth digit, so that P(0) = 1/2 to rounding.
     """
     size = min(abs(v), _FASTEST)
+    # The series needs t >= 0: it is evaluated for |v|, and the other half follows from the exact
+    # sums.
     p = _INVERSE_ROOT * exp_of_negative(-0.5 * size * size)
     t = 1.0 / (1.0 + 0.2316419 * size)
     series = 1.781477937 + t * (-1.821255978 + t * 1.3302744303155003)
@@ -120,6 +122,7 @@ def face_factor(
     filled = min(before, here, after) > limits.vacuum
     low = here * fall * fall / before if filled else 1.0
     high = after / (rise * rise * here) if filled else 1.0
+    # exp of half the mean slope, half a cell: the fourth root of the product of both ratios.
     mean = math.sqrt(math.sqrt(low * high))
     rising = min(min(low, high), min(mean, _STEEPEST))
     falling = max(max(low, high), max(mean, 1.0 / _STEEPEST))
@@ -171,6 +174,7 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
     mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))
     upper, lower = ratio * density * at_top, ratio * density * at_bottom
+    # Both outflows are cut alike where they would take nearly all of the cell.
     leaving, most = upper * mass_up + lower * mass_down, _LARGEST_PART * density
     share = most / leaving if leaving > most else 1.0
     up, down = share * upper * mass_up, share * lower * mass_down

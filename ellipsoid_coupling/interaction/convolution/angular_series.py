@@ -78,6 +78,7 @@ def angular_series(
     tolerance * max(density) * eps0 h^2 * norm anywhere, for any field of angles.
     """
     squares, offsets = _distances(shape, h)
+    # Some distances, evenly spaced: the search evaluates many lengths.
     few = slice(None, None, max(1, squares.size // SEARCH_DISTANCES))
     # Both slopes of the potential and, unless circles, dU/dtheta.
     entries = (1, 2) if shape.shape_factor == 0.0 else (1, 2, 3)
@@ -89,6 +90,7 @@ def angular_series(
         return float(np.max(errors / np.where(norms > 0.0, norms, 1.0)))
 
     harmonics = _first_within(error, tolerance, most)
+    # A distance between those of the search may need one harmonic more.
     while harmonics <= most:
         whole = _expand(shape, h * np.sqrt(squares), harmonics, entries, True)
         norms, errors = offsets @ whole.peaks, offsets @ whole.misses
@@ -109,6 +111,7 @@ def _first_within(error: Callable[[int], float], tolerance: float, most: int) ->
     low, high, before = -1, 0, np.inf
     while (now := error(high)) > tolerance:
         if now < SLOWING and before < np.inf:
+            # Decay of the logarithm of the error, a harmonic; it only slows down.
             pace = max(np.log(before / now), 0.0) / (high - low)
             if np.log(now / tolerance) > 2.0 * pace * (most - high):
                 return most + 1
@@ -124,6 +127,7 @@ def _first_within(error: Callable[[int], float], tolerance: float, most: int) ->
 def _distances(shape: PotentialShape, h: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Squared distances in cells that offsets within reach have, and how many offsets have each."""
     widths = half_widths(shape, h)
+    # All offsets of the disc, sorted by distance: one expansion serves all of one distance.
     reach = np.arange(1 - widths.size, widths.size)
     squares = reach[:, None] ** 2 + reach**2
     inside = np.abs(reach) <= widths[np.abs(reach)][:, None]
@@ -168,10 +172,12 @@ class _Lattice(NamedTuple):
 def _lattice(harmonics: int) -> _Lattice:
     functions = 2 * harmonics + 1
     angles = round_up_to_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
+    # The potential is pi-periodic in each angle, so half a turn is sampled.
     lattice = np.pi * np.arange(angles) / angles
     basis = np.zeros((round_up_to_vectors(functions), angles))
     angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
+    # Discrete orthogonality: the mean of 1 is twice that of cos^2 and sin^2.
     dual[0] *= 0.5
     columns = np.ascontiguousarray(basis[:functions].T)
     return _Lattice(lattice, dual[:functions].copy(), np.ascontiguousarray(dual.T), columns, basis)
@@ -226,11 +232,13 @@ def _expand_some(
         if peaks.shape[1] > 0:
             _set_largest(values, peaks[k])
         for c in range(components):
+            # A_pq = dual values dual^T, a product of small matrices in cache.
             sum_rows(lattice.dual, values[c], half)
             sum_rows(half, lattice.dual_columns, series)
             for p in range(functions):
                 _copy(series[p], coefficients[k, c, p])
             if peaks.shape[1] > 0:
+                # The series at the lattice; its difference from the samples is the error.
                 sum_rows(lattice.basis_columns, series, other)
                 sum_rows(other, lattice.basis, again)
                 for i in range(n):
@@ -296,6 +304,7 @@ def angular_basis(angle: Array, out: NDArray[np.floating]) -> None:
             c2[j], s2[j] = cos_sin(2.0 * row[j])
         cosine, sine = c2.copy(), s2.copy()
         out[0, i] = 1.0
+        # Rounding of this recurrence grows like k eps: 1e-14 for the longest series.
         for k in range(1, out.shape[0] // 2 + 1):
             even, uneven = out[2 * k - 1, i], out[2 * k, i]
             for j in range(c2.size):

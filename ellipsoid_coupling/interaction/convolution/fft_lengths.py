@@ -72,6 +72,8 @@ class FittedSpectra:
     def _make(self, lengths: Lengths) -> tuple[Spectra, BufferPool]:
         again = lengths in self._made
         self._made.add(lengths)
+        # Two are stored only once a length is asked for again: spectra are the largest arrays of a
+        # run.
         full = len(self._stored) == 2 or (len(self._stored) == 1 and not again)
         pool = self._stored.pop(next(iter(self._stored)))[1] if full else BufferPool()
         kernel = self._kernel
@@ -99,6 +101,8 @@ def fitting_lengths(needed: Lengths, longest: Lengths) -> Lengths:
     alike in both passes each k once.
     """
     steps = [_step(least, most) for least, most in zip(needed, longest, strict=True)]
+    # A cloud grows by a cell in x before it does in y: without this each step would make new
+    # spectra.
     if abs(steps[0] - steps[1]) <= 1:
         steps = [min(steps)] * 2
     return _length(steps[0], longest[0]), _length(steps[1], longest[1])

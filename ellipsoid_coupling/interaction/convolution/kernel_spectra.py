@@ -93,6 +93,7 @@ class AngularKernel:
         components, functions = self._quadrant.shape[:2]
         parity = basis_parity(functions)
         mirrored, odd = (np.array(kind[:components]) for kind in parities)
+        # A component's sign under y -> -y times those of both basis functions.
         odd_y = np.multiply.outer(mirrored, np.outer(parity, parity)) < 0
         # A kernel odd in delta is odd in x where it is even in y; an even one has one parity in both.
         odd_x = odd_y ^ odd[:, None, None]
@@ -110,6 +111,7 @@ class AngularKernel:
         """Overwrite `blocks` of `block_shape`."""
         y_waves, x_waves = (self._weighted_waves(length) for length in padded)
         along = np.zeros((2, self.cells + 1, blocks.shape[2] * blocks.shape[5]), self.precision)
+        # Frequencies beyond Px/2 fill the last cache line and stay 0.
         along[..., : x_waves.shape[2]] = x_waves
         even, odd = self._scale * y_waves.swapaxes(1, 2)
         across: Real = np.array([even, odd, -odd]).astype(self.precision)
@@ -135,6 +137,7 @@ def _quadrant(squares: Indices, coefficients: Array, precision: Precision) -> Re
     square = j**2 + i**2
     inside = square <= squares[-1]
     j, i, square = j[inside], i[inside], square[inside]
+    # One expansion a distance, turned to the direction of each offset.
     turned = _turn(coefficients[np.searchsorted(squares, square)], np.arctan2(j, i))
     out: Real = np.zeros((components, functions, functions, cells + 1, cells + 1), precision)
     out[..., j, i] = turned.transpose(1, 2, 3, 0)
@@ -146,6 +149,7 @@ def _turn(blocks: Array, alpha: Array) -> Array:
     harmonics = blocks.shape[2] // 2
     double = 2.0 * np.arange(1, harmonics + 1)[:, None] * alpha[:, None, None, None]
     c, s = np.cos(double), np.sin(double)
+    # b_p(theta + alpha): a rotation of each pair cos, sin, in either angle.
     for view in (blocks, blocks.swapaxes(2, 3)):
         cosine, sine = view[:, :, 1::2].copy(), view[:, :, 2::2].copy()
         view[:, :, 1::2] = c * cosine - s * sine
@@ -153,6 +157,7 @@ def _turn(blocks: Array, alpha: Array) -> Array:
     if blocks.shape[1] == 1:
         return blocks
     c, s = np.cos(alpha)[:, None, None], np.sin(alpha)[:, None, None]
+    # Radial and tangential slope to those along x and y.
     radial, tangential = blocks[:, 0].copy(), blocks[:, 1].copy()
     blocks[:, 0] = c * radial - s * tangential
     blocks[:, 1] = s * radial + c * tangential

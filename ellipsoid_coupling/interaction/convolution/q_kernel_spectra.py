@@ -110,11 +110,14 @@ class AngleKernels:
         self._components = _POTENTIAL if quantity == "potential" else _FORCE + torque
         self.odd, self.mirrored = np.array([[c.odd, c.mirrored] for c in self._components]).T.copy()
         self._angles = n = distinct_angles(angles, shape)
+        # Checked before anything is made: the blocks are the largest arrays of a run.
         longest = longest_lengths((ny, nx), self.cells)
         _check_memory(self.block_shape(longest), grid_shape, precision)
+        # Twice the angle goes around once over the n of an even number of cells, twice over an odd one.
         double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
         turned = np.cos(double), np.sin(double)
         offsets = widths.size, 2 * widths.size - 1
+        # Offsets with j >= 0 only; those with j < 0 are mirror images.
         self._samples = np.zeros((len(self._components), n, n, *offsets))
         for component, samples in zip(self._components, self._samples, strict=True):
             _sample(h, widths, shape, *turned, component.entry, samples)
@@ -136,6 +139,7 @@ class AngleKernels:
         # Frequencies that only fill the last line.
         along[..., padded[1] // 2 + 1 :] = 0.0
         cosine, sine = waves(np.arange(cells + 1), ky, padded[0]).swapaxes(1, 2)
+        # j and -j give the same, but for j = 0.
         for wave in (cosine, sine):
             wave[:, 1:] *= 2.0
         # cos(a + b) = cos a cos b - sin a sin b and sin(a + b) likewise: both kinds along x for each.

@@ -119,6 +119,7 @@ def transform_blocks(
     at_once = min(KY_AT_ONCE, blocks.shape[0])
     for task in numba.prange(components * n):
         c, p = task // n, task % n
+        # First along x, then across: R^2 kx + R kx ky products instead of R^2 kx ky.
         half = np.empty((n, terms, columns), samples.dtype)
         for q in range(n):
             for s in range(terms // rows):
@@ -208,6 +209,7 @@ def _multiply_rows(
     mirror, parity, signs, odd = symmetry
     components, count, n = upper.shape
     lines, lanes = block.shape[1], block.shape[4]
+    # Both frequencies' real and imaginary parts beside each other: four sums for each block entry.
     sources = np.zeros((lines, count, 4, lanes), block.dtype)
     for q in range(count):
         _set_parts(waves[0][q], waves[1][mirror[q]], parity[q], sources[:, q])
@@ -216,7 +218,10 @@ def _multiply_rows(
         sum_products(block[component], which, sources, sums)
         for p in range(count):
             a, b, c, d = sums[p, 0], sums[p, 1], sums[p, 2], sums[p, 3]
+            # Where ky = -ky both are the same row, and the second one stays; they are equal to
+            # rounding.
             up, down = upper[component, p], lower[component, mirror[p]]
+            # A loop for each of both rows, which may be the same memory.
             sign = signs[component] * parity[p]
             if odd[component]:
                 # The transform of an odd kernel is imaginary: times i.

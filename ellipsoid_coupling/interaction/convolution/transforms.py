@@ -43,9 +43,11 @@ class Transforms:
         waves = self._pool.array("waves", (count, py, px // 2 + 1), self._type)
 
         def some(first: int, end: int) -> None:
+            # scipy releases Python's lock, so that parts run side by side.
             waves[:, first:end] = fft.rfft(make(slice(first, end)), px, axis=2)
 
         in_parts(rows, rows * count * px, some)
+        # Padding: the memory holds the last call's product.
         waves[:, rows:] = 0.0
         along_y(fft.fft, waves)
         return waves
@@ -62,6 +64,7 @@ class Transforms:
         take : (slice of the rows, (components, count, these rows, Px)) -> None
         """
         components, count = product.shape[:2]
+        # Along y first, in place; along x only the rows that are asked for.
         along_y(fft.ifft, product.reshape(-1, *product.shape[2:]))
 
         def some(first: int, end: int) -> None:

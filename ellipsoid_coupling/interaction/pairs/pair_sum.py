@@ -78,6 +78,7 @@ def sum_in_lanes(values: Floats) -> float:
     One running sum would wait for each addition, and a compiler that may reorder it may round
     differently each time.
     """
+    # Eight sums, as wide as the widest vector.
     s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(0, values.size - values.size % 8, 8):
         s0 += values[j]
@@ -114,6 +115,7 @@ def _feel(
         _, by_x, by_y, by_theta = pair_potential(
             other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
         )
+        # Masked instead of a remainder loop; beyond `count` the buffer holds old numbers.
         met = j < count
         store(given, j, (by_x if met else 0.0, by_y if met else 0.0, by_theta if met else 0.0))
 
@@ -166,6 +168,7 @@ def _meet_the_rest(
     t: int, count: int, buffer: Floats, felt: Floats, given: Floats, shape: PotentialShape
 ) -> None:
     """Pairs of the buffer's particle t with those behind it, up to `count`."""
+    # Each pair once: a target meets those behind it.
     rest = t + 1
     end = round_up_to_vectors(count - rest)
     _meet(
@@ -176,6 +179,7 @@ def _meet_the_rest(
         count - rest,
         shape,
     )
+    # To the gradients that pairs with particles before the target have added already.
     for k in range(3):
         felt[k, t] += sum_in_lanes(given[k, :end])
 
@@ -216,6 +220,7 @@ def _add_cell(
 ) -> None:
     """All pairs of a cell's particles with each other and those behind them."""
     buffer, felt, given, runs = work
+    # The cell's own particles come first in the first run.
     here, _ = _runs(cell, row, sources, pairs.grid, runs)
     count = 0
     for r in range(here):
@@ -228,6 +233,8 @@ def _add_cell(
     count = 0
     for r in range(here):
         begin, end = runs[r]
+        # Runs in the rows above the block go to memory of their own: another block owns those
+        # particles.
         if begin < sums.end:
             count = _add_felt(felt, begin, end, count, sums.own, 0)
         else:
@@ -282,6 +289,7 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     own[start:end] = 0.0
     runs = np.empty((CELLS_PER_REACH + 1, 2), np.int64)
     most = 0
+    # The longest buffer that any cell of the block needs, made once.
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             most = max(most, _runs(cell, row, sources, grid, runs)[1])

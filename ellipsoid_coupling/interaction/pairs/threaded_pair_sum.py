@@ -37,6 +37,8 @@ class LargeCloud:
     """
 
     def __init__(self, drift: Drift, number: int) -> None:
+        # Everything but the pairs: it needs no neighbours, so that particles are cut into parts
+        # freely.
         self._alone = drift._replace(pairs=None)
         self._axis = np.empty((2, number))
         self._parts = chunk_ranges(number, _tasks(number))
@@ -64,6 +66,7 @@ class LargeCloud:
         if moving is None:
             pair_sum.add(place, self._axis, force)
         elif moving.size:
+            # Frozen particles neither act nor are acted on: the sum runs over a copy of the others.
             some = np.zeros((len(force), moving.size))
             axis = np.ascontiguousarray(self._axis[:, moving])
             fewer = PairSum(pair_sum.pairs, moving.size)
@@ -93,6 +96,7 @@ class PairSum:
             above[k] = sum_rows(blocks[k], sources, pairs, own)
 
         for_each(len(blocks), block)
+        # In the order of the blocks, whichever thread was first.
         for sums in above:
             if sums is not None:
                 own[sums.end : sums.end + sums.above.shape[0]] += sums.above
@@ -110,6 +114,7 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
     """
     until = sources.first[:: grid.columns]
     number = int(until[-1])
+    # Row numbers at which the running count of particles passes even parts of all.
     wanted = np.arange(1, _tasks(number)) * (number / _tasks(number))
     cuts = [0]
     for row in np.searchsorted(until, wanted):

@@ -65,7 +65,9 @@ class SamplePairs:
         grid = self._grid
         own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
         sums = np.zeros((3, x.size))
+        # A task is a row of cells, which writes the sums of its own samples only.
         for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
+        # Back from the order of the cells to that of the samples.
         sums = sums[:, rank]
         scale = -self._strength / x.size
         for d in range(degrees):
@@ -82,6 +84,7 @@ def _sum_row(
     sums: Array,
 ) -> None:
     """Gradients of U/eps0, summed over all sources, of the samples in one row of cells: (3, S)."""
+    # Empty rows are many where the cells cover more than the cloud.
     begin = row * grid.columns
     if own.first[begin] == own.first[begin + grid.columns]:
         return

@@ -124,6 +124,7 @@ class SampleInteraction:
         self.nodes_per_width = nodes_per_width(shape, width, tolerance)
         h = width / self.nodes_per_width
         area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0])
+        # Bounded before the series is searched: a long search takes minutes.
         most = min(most, most_harmonics(area / h**2, shape.reach / h))
         _require(most >= 0, shape, tolerance)
         self.nodes = _cover(x_range, y_range, h)
@@ -159,11 +160,13 @@ class SampleInteraction:
         if len(here.samples) == 0:
             return
         functions = 2 * self.harmonics + 1
+        # Masses 1/S of all samples, also of those that left the rectangle.
         sources = deposit(here, nodes, functions, 1.0 / slots.size, pool)
         shape = *here.extent, round_up_to_vectors(functions)
         potential: Real = pool.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:
+            # Functions become the last axis: `interpolate` sums over them in vectors.
             potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
             potential[part, :, functions:] = 0.0
 

@@ -159,6 +159,7 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices, pool: BufferPool) ->
         Holds the sorted samples until the next call.
     """
     blocks = chunk_ranges(len(place), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
+    # Each part counts and then fills for itself: no two threads write to one place.
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     columns = np.empty((len(blocks), 2), np.int64)
     for_each(
@@ -194,6 +195,7 @@ def _add_some(
     size = force.shape[2]
     for k in range(blocks[0], blocks[1]):
         for c in range(min(found.shape[1], force.shape[1])):
+            # 1/I_c for the torque, 1/m for both forces.
             weight = weights[1] if c == 2 else weights[0]
             for j in range(size):
                 slot = slots[k * size + j]
@@ -214,6 +216,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
     if functions == 1:
         return
     cosines, sines = waves[0], waves[1]
+    # For all samples first, in a loop that vectorises; the recurrences below do not.
     for i in range(samples.shape[0]):
         cosines[i], sines[i] = cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
     last = functions // 2
@@ -266,11 +269,13 @@ class Windows(NamedTuple):
 
 def windows_of(begin: Indices) -> Windows:
     """Equal parts of the samples whose rows begin there, and the windows they deposit into."""
+    # Equal numbers of samples, not of rows: clouds are denser in the middle.
     count = max(1, min(DEPOSIT_WINDOWS, int(begin[-1]) // LEAST_DEPOSITED))
     parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
     )
+    # A window has the rows that its samples' stencils reach.
     used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
@@ -288,6 +293,7 @@ def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, pool: Buffe
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
+        # Rows count from the window's first, columns from the first of all stencils.
         some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
         work = np.empty((2, SAMPLES_AT_ONCE)), np.zeros((SAMPLES_AT_ONCE, 1, window.shape[2]))
         _deposit(some, at, nodes, functions, work, window)
@@ -331,6 +337,7 @@ def _add_windows(
 ) -> None:
     """Add up the windows' rows, counted from the first one of all; functions come to the front."""
     _, first, offsets = windows
+    # Nodes are interleaved by function in the windows; transforms want one field a function.
     total = np.empty(partial.shape[1:])
     for row in range(rows[0], rows[1]):
         total[:] = 0.0
@@ -363,6 +370,7 @@ def interpolate(
 
     def read(k: int) -> None:
         some = slice(*parts[k])
+        # Functions that fill the last vector stay 0.
         bases = np.zeros((SAMPLES_AT_ONCE, 2, potential.shape[2]))
         work = np.empty((2, SAMPLES_AT_ONCE)), bases
         _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import CompileTimer
+from ellipsoid_coupling.compiled.compile_events import CompileTimer
 from ellipsoid_coupling.compiled.threading_layer import taking_turns
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED

@@ -41,6 +41,8 @@ ONLY_IN = {
     "subprocess": ("flow/openfoam",),
     "llvmlite": ("compiled",),
 }
+# All that may be used of numba outside of compiled/: loops that threads share, and how many threads.
+OF_NUMBA = {"prange", "get_num_threads", "set_num_threads"}
 # Modules that stand beside the packages: the story, and how it is told.
 LOOSE = 8
 # What stands in models/ beside the models themselves.
@@ -89,6 +91,20 @@ def test_heavy_libraries_have_one_place_and_no_gpl(source: Path) -> None:
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_only_the_engine_room_knows_the_compiler(source: Path) -> None:
+    """Kernels are made by `compiled.jit`, formulas are chosen by `compiled.dispatch`."""
+    if relative(source).startswith("compiled/"):
+        return
+    tree = ast.parse(source.read_text())
+    assert not [m for m in imported(source) if m.startswith("numba.")]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == "numba":
+            assert {alias.name for alias in node.names} <= OF_NUMBA
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "numba":
+            assert node.attr in OF_NUMBA, node.attr
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
 def test_nothing_that_is_read_can_run_code(source: Path) -> None:
     """No pickle, no evaluated text; numpy's own reader, which can unpickle, is not used at all."""
     tops = {module.split(".")[0] for module in imported(source)}
@@ -123,10 +139,10 @@ def test_scenes_import_none_of_the_package_but_how_to_read() -> None:
 
 @pytest.mark.parametrize("source", SOURCES, ids=relative)
 def test_kernels_that_count_no_references_return_no_array(source: Path) -> None:
-    """Their callers would take what comes out for counted: see `jit.view_kernel`."""
+    """Their callers would believe the array counted: see `jit.kernel`."""
     for node in ast.walk(ast.parse(source.read_text())):
         if isinstance(node, ast.FunctionDef):
-            kinds = [d.id for d in node.decorator_list if isinstance(d, ast.Name)]
-            if {"view_kernel", "apart_kernel"} & set(kinds):
+            kinds = {ast.unparse(decorator) for decorator in node.decorator_list}
+            if {"view_kernel", "apart_kernel", "kernel(noalias=True)"} & kinds:
                 assert node.returns is not None
                 assert ast.unparse(node.returns) in ("None", "float", "int", "bool"), node.name

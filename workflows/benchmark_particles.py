@@ -12,7 +12,8 @@ from benchmark_tools import Floats, Row, Sizes, seconds, step_seconds, with_thre
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compare import errors_against, exact_reference
-from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, for_each
+from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import PairSum

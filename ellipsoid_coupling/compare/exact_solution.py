@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces

@@ -3,7 +3,7 @@
 All fields of a cell stand side by side in a tuple whose length is known when a kernel is compiled; a
 component that a scene does not have makes it shorter. Each function takes tuples of one length and
 numbers, which count for every element; of empty tuples it makes an empty tuple, and no code. Rounding is
-that of the plain operators, element by element: nothing is fused.
+that of the plain operators, element by element: nothing is fused but `fused_axpy`.
 
 Python has the same functions, for tests and for kernels that run without being compiled.
 """
@@ -30,6 +30,7 @@ Values = tuple[float, ...]
 
 def _columns(*operands: Any) -> Any:
     """The operands element by element; numbers count for every element."""
+    # The first tuple gives the length; `zip` then refuses others of another length.
     count = next(len(operand) for operand in operands if isinstance(operand, tuple))
     rows = (o if isinstance(o, tuple) else (o,) * count for o in operands)
     return zip(*rows, strict=True)
@@ -64,6 +65,11 @@ def axpy(
     a: tuple[Number, ...] | Number, x: tuple[Number, ...] | Number, y: tuple[Number, ...] | Number
 ) -> tuple[Number, ...]:
     """A x + y, rounded twice."""
+    return tuple(u * v + w for u, v, w in _columns(a, x, y))
+
+
+def fused_axpy(a: Values | float, x: Values | float, y: Values | float) -> Values:
+    """A x + y, in kernels with one rounding, as `intrinsics.fma`; plain Python rounds twice."""
     return tuple(u * v + w for u, v, w in _columns(a, x, y))
 
 
@@ -122,10 +128,18 @@ def _axpy(builder: Any, floats: bool, a: Any, x: Any, y: Any) -> Any:
     return _add(builder, floats, _mul(builder, floats, a, x), y)
 
 
+def _fused_axpy(builder: Any, floats: bool, a: Any, x: Any, y: Any) -> Any:
+    if not floats:
+        raise TypingError("fused_axpy is for floating point numbers")
+    return builder.fma(a, x, y)
+
+
 def _second_if(comparison: str) -> Callable[..., Any]:
     """The second one if it compares so with the first one."""
 
     def write(builder: Any, floats: bool, a: Any, b: Any) -> Any:
+        # Ordered comparisons are false for NaN, so that the first operand stays, as with Python's
+        # max.
         compare = builder.fcmp_ordered if floats else builder.icmp_signed
         return builder.select(compare(comparison, b, a), b, a)
 
@@ -163,6 +177,7 @@ def _elementwise(function: Any, write: Callable[..., Any], valued: slice = slice
 
     def result(context: Any, *kinds: Any) -> Any:
         del context
+        # Lengths are part of the types: a mismatch is found when the kernel is compiled.
         counts = {kind.count for kind in kinds if _is_spread(kind)}
         if len(counts) != 1:
             raise TypingError(f"tuples of one length are needed, not {kinds}")
@@ -176,6 +191,7 @@ def _elementwise(function: Any, write: Callable[..., Any], valued: slice = slice
             single = kind.dtype if _is_spread(kind) and count else kind
             column = _unpack(builder, argument, count) if _is_spread(kind) else [argument] * count
             if k in range(len(arguments))[valued]:
+                # Integers become floating point numbers where any operand is one; conditions stay.
                 column = [context.cast(builder, one, single, made.dtype) for one in column]
             columns.append(column)
         floats = count > 0 and isinstance(made.dtype, types.Float)
@@ -197,6 +213,7 @@ _elementwise(mul, _mul)
 _elementwise(scale, _mul)
 _elementwise(div, _div)
 _elementwise(axpy, _axpy)
+_elementwise(fused_axpy, _fused_axpy)
 _elementwise(maximum, _second_if(">"))
 _elementwise(minimum, _second_if("<"))
 _elementwise(absolute, _absolute)

@@ -1,4 +1,4 @@
-"""Arrays whose memory is kept from one evaluation to the next.
+"""Arrays whose memory is reused from one evaluation to the next.
 
 New memory costs more than the work on it: the system hands it out zeroed, page by page.
 """
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ellipsoid_coupling.compiled.simd_sums import LINE
+from ellipsoid_coupling.compiled.simd_vectors import LINE
 
 
-class KeptArrays:
+class BufferPool:
     """Hands out arrays by name; the next one of that name may have the same memory."""
 
     def __init__(self) -> None:

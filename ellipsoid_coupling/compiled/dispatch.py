@@ -78,7 +78,7 @@ def register_formula(
         raise ValueError(f"{function.__name__} has a formula for {kind.__name__} already")
     source: Any = getattr(formula, "py_func", formula)
     formulas[kind] = formula
-    if source.__module__.partition(".")[0] != _PACKAGE:
+    if any(one.__module__.partition(".")[0] != _PACKAGE for one in (kind, source)):
         leave_uncached(kind)
 
     def choose(first: Any, *others: Any) -> Any:

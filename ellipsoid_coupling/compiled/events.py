@@ -1,6 +1,6 @@
-"""Who wants to know that kernels are being compiled: told by `jit`, listened to by `progress`.
+"""Listeners that are told which kernel is being compiled: by `compile_events`, for `progress`.
 
-It stands apart from both, so that a command can listen before it imports the compiler.
+This module imports no compiler, so that a command can listen before it does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the processor can do and plain Python has no words for, to be used in kernels."""
+"""Single instructions of the processor, to be used in kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numba.extending import intrinsic, overload
 _get_function: Any = cgutils.get_or_insert_function
 
 
-def fused(a: float, b: float, c: float) -> float:
+def fma(a: float, b: float, c: float) -> float:
     """A b + c, in kernels with one rounding (one instruction); plain Python rounds twice."""
     return a * b + c
 
@@ -31,7 +31,7 @@ def _fma(context: Any, a: Any, b: Any, c: Any) -> Any:
 _compiled_fma: Any = intrinsic(_fma)
 
 
-@overload(fused, inline="always", strict=False)
+@overload(fma, inline="always", strict=False)
 def _choose_fused(a: Any, b: Any, c: Any) -> Any:
     del a, b, c
     return lambda a, b, c: _compiled_fma(a, b, c)

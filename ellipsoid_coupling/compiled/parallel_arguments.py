@@ -1,7 +1,7 @@
-"""Whatever a kernel is given, in loops that its threads share.
+"""Nested tuples as arguments of loops that threads share.
 
-Such loops (`prange`) take numbers, arrays and flat tuples of these from what stands before them. Tuples
-of tuples go in packed:
+Numba hands numbers, arrays and flat tuples of these to such loops (`prange`). Tuples of tuples go in
+packed:
 
     @parallel_kernel
     def _step_all(count, arguments):
@@ -9,10 +9,11 @@ of tuples go in packed:
         for k in numba.prange(count):
             _step(signed(k), *unpack(packed))
 
-Only what the kernel was given: numba gives up what it has made itself as soon as it is packed. And an
-array goes in packed or as it is, not both ways: numba believes that what it sees is all there is.
+Only kernel arguments may be packed: numba frees a kernel's own arrays as soon as they are packed. An
+array must be passed packed or plain, never both, because numba assumes that plain arguments do not alias
+packed ones.
 
-To hand work over like this takes 3 us; with Python's threads, which `jit.for_each` uses, 70 us.
+To start a shared loop takes 3 us; with Python's threads, which `threads.for_each` uses, 70 us.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ _variable: Any = cgutils.alloca_once_value
 _array: Any = types.Array
 _record: Any = types.Record
 
-# What is packed looks to numba like an array of one record, with a field that tells which type it is.
+# To numba a packed value is an array of one record, whose field name holds the number of its type.
 _kinds: list[Any] = []
 
 
 @inline_kernel
 def signed(k: int) -> int:
-    """The turn k of a shared loop, which numba counts without a sign.
+    """The index k of a shared loop as a signed integer; numba counts such loops without a sign.
 
-    What is called with it would be compiled for both kinds of integers.
+    A kernel that is called with both would be compiled twice.
     """
     return int(np.int64(k))
 
@@ -49,13 +50,14 @@ def pack(value: Any) -> Any:
 
 
 def unpack(packed: Any) -> Any:
-    """What was packed."""
+    """The value that was packed."""
     return packed
 
 
 def _box_for(kind: Any) -> Any:
     if kind not in _kinds:
         _kinds.append(kind)
+    # A record of one byte: its size does not matter, its name does.
     field = {"type": types.uint8, "offset": 0}
     return _array(_record([(f"kind_{_kinds.index(kind)}", field)], 1, False), 1, "C")
 
@@ -79,7 +81,7 @@ def _pack(context: Any, value: Any) -> Any:
             shape=(one,),
             strides=(one,),
             itemsize=one,
-            # Nobody's memory: that of the function which is under way.
+            # No owner: the memory lies on the stack of the running kernel.
             meminfo=None,
         )
         return array._getvalue()
@@ -94,7 +96,7 @@ def _unpack(context: Any, packed: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         value = builder.load(builder.bitcast(data, context.get_value_type(kind).as_pointer()))
-        # Who has a value counts as one who refers to its arrays.
+        # The unpacked copy owns references: increment their counts.
         context.nrt.incref(builder, kind, value)
         return value
 

@@ -1,9 +1,9 @@
 """Rows of one array side by side, element by element as tuples, in kernels (a structure of arrays).
 
-A loop that treats all fields of a cell at once touches each number once, where a loop a field reads
-again what the one before has written. How many fields there are is known when such a loop is compiled:
-it is the length of a tuple. Kernels see addresses, without counting references and without checking
-bounds; Python sees views. `algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
+A loop that treats all fields of a cell at once touches each number once; one loop a field would read
+again what the loop before has written. The number of fields is the length of a tuple, known when the loop
+is compiled. Kernels see addresses, without reference counts and without bounds checks; Python sees views.
+`algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def prefetch(rows: Rows, i: int) -> None:
 def element(array: NDArray[Any], i: int) -> Any:
     """Element i of a contiguous array, along its axes one after another.
 
-    Kernels do not count a negative i from the end; with ``array[first + i]`` in a loop they do, and
-    gather what stands in line.
+    Kernels do not count a negative i from the end. With ``array[first + i]`` in a loop they do, and then
+    gather number by number instead of loading vectors.
     """
     return array.reshape(-1)[i]
 
@@ -83,8 +83,8 @@ def map_fields(
     Returns
     -------
     tuple
-        Of what the formula returns; where that is several numbers, a tuple of each of them. Nothing
-        for empty tuples.
+        The formula's values; where it returns several numbers, a tuple of each of them. () for empty
+        tuples.
     """
     found = [formula(*shared, *values) for values in zip(*fields, strict=True)]
     if not found:
@@ -112,6 +112,7 @@ def _emit_rows_at(context: Any, builder: Any, signature: Any, arguments: list[An
     whole = context.make_array(array)(context, builder, arguments[0])
     length = _unpack(builder, whole.shape, array.ndim)[-1]
     first = context.cast(builder, arguments[2], signature.args[2], types.intp)
+    # Addresses are computed here, once, and not in the loop that loads from them.
     starts = []
     for row in _unpack(builder, arguments[1], which.count):
         position = builder.add(builder.mul(row, length), first)
@@ -141,6 +142,7 @@ def _emit_store(context: Any, builder: Any, signature: Any, arguments: list[Any]
     values = _unpack(builder, arguments[2], rows.count)
     addresses = _addresses(context, builder, signature, arguments)
     for address, value, kind in zip(addresses, values, held.types, strict=True):
+        # Rows in single precision take numbers in double precision.
         builder.store(context.cast(builder, value, kind, rows.dtype.dtype), address)
     return context.get_dummy_value()
 
@@ -188,6 +190,7 @@ def _emit_map(context: Any, builder: Any, signature: Any, arguments: list[Any]) 
     returned, count = signature.return_type, fields[0].count
     if count == 0:
         return context.make_tuple(builder, returned, ())
+    # One call of the formula an element: LLVM inlines them all.
     single = _single_call(context.typing_context, formula, shared, fields)
     call = context.get_function(formula, single)
     first = _unpack(builder, arguments[1], len(shared))

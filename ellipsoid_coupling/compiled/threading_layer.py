@@ -1,4 +1,4 @@
-"""The threads below compiled loops: what is refused before numba fails on it, and what a fork leaves.
+"""The threads below compiled loops: how they wait, what is refused before numba fails on it, forks.
 
 Numba shares ``prange`` loops by one of three libraries. Of these
 
@@ -22,7 +22,14 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from ellipsoid_coupling.compiled.tuning import SPINS
 from ellipsoid_coupling.errors import InputError
+
+# Set before numba starts its threads. By default they spin while they wait for work, and on a machine
+# that is busy with something else two threads then take longer than one (measured: 27 s, one thread
+# 16 s, asleep 13 s).
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("GOMP_SPINCOUNT", str(SPINS))
 
 _LAYERS = ("default", "tbb", "omp", "workqueue", "safe", "threadsafe", "forksafe")
 # omp_pause_hard of OpenMP 5: the team's threads end, and its memory is freed.
@@ -112,7 +119,7 @@ def give_back_team() -> None:
 
 
 def start_anew() -> None:
-    """In a forked process: forget who waits for whom, and tell numba that the team was given back.
+    """In a forked process: make the lock anew, and tell numba that the team was given back.
 
     Where it could not be, numba ends this process with words at its first loop, which is better than
     a loop without an end.

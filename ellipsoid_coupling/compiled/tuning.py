@@ -1,4 +1,73 @@
-"""Numbers that were found by measuring, each with its unit and how; no result depends on one."""
+"""Numbers that were found by measuring: the unit, what each trades, and how it was measured.
 
-# Cache lines: so many prefetches may be under way. Swept 10 .. 160 with the q-grid's sweeps, 150x150x60.
+Measured on two cores of one Xeon with AVX-512 and 2 MB of second-level cache a core, medians of seven
+warm calls of what `workflows/benchmark.py` runs, unless another way stands beside a number. Physics and
+numerical methods do not depend on them. Those of the first part change no bit of a result, which
+`tests/compiled/test_tuning.py` holds for the grids; those of the second part fix the order in which
+sums are added up, so that a change shows in the last digits.
+"""
+
+# --- no result depends on these ---
+
+# Threads.
+# Turns of the waiting loop, some 30 us: threads stay awake from one kernel to the next. To wake them
+# takes 60 us, which small grids would pay at each loop; measured with 0: 60 us a loop, now 2 us.
+SPINS = 2000
+# Tasks that a thread has in all, where tasks differ in length, and at most at a time. More of them
+# balance better, and each way to the scheduler takes 0.1 us.
+TASKS_PER_THREAD, MOST_TASKS_AT_ONCE = 16, 16
+# Tasks that the rows of a grid are cut into, each with its own memory for one row: few enough for that
+# memory to be nothing, enough of them to balance. Flat from 32 to 256.
+ROW_TASKS = 64
+# Cells a thread must have to be worth waking (100 us of `diagnostics`).
+CELLS_PER_THREAD = 100_000
+
+# Cache lines.
+# Prefetches under way at once. Swept 10 .. 160 with the q-grid's sweeps, 150x150x60.
 CACHE_LINES_AT_ONCE = 40
+# Lines by which a stream of factors is asked for ahead, 8 kB: `sum_products` waits for memory below 64.
+LINES_AHEAD = 128
+# Cells between two rows from which on the second one is prefetched: hardware prefetch reads on by
+# itself over shorter gaps (two lines of doubles).
+FAR_CELLS = 16
+
+# Sweeps.
+# Columns of cells that march together. Many, since hardware prefetch works in each row; fewer where a
+# grid has fewer than MANY_LINES rows of bundles, so that threads can share them. Swept 50 .. 1600 along
+# the angle, 150x150x60: twice the speed of 100.
+WIDE_BUNDLE, NARROW_BUNDLE, MANY_LINES = 320, 100, 16
+
+# Sums in registers.
+# Rows and cache lines of sums that `sum_rows` keeps in registers at a time: 8 of 32 registers, so that
+# fused multiply-adds need not wait for each other (latency 4, two a cycle).
+SUM_ROWS, SUM_LINES = 4, 2
+
+# Transforms and spectra.
+# Frequencies ky whose blocks are summed before they are interleaved: 1 MB at most, in cache.
+KY_AT_ONCE = 16
+# Numbers in a part of a transform: 1 MB at most in double precision, complex, in cache.
+TRANSFORM_NUMBERS = 60_000
+# Distances of an angular series are cut into at most so many tasks.
+SERIES_TASKS = 64
+
+# Samples on nodes.
+# Samples whose basis functions are written before the first is read: a vector load waits for all
+# single numbers that were last stored there.
+SAMPLES_AT_ONCE = 32
+# Parts that samples are sorted and interpolated in, at most, and samples that a part has at least: to
+# wake a thread takes as long as to sort, or to interpolate, those.
+SAMPLE_PARTS, LEAST_SORTED, LEAST_INTERPOLATED = 32, 20_000, 2_500
+
+
+# --- these fix the order of sums: results depend on them in their last digits ---
+
+# Particles from which on one realisation has all threads; below, realisations share the threads.
+LARGE_CLOUD = 5000
+# Particles a task of a large cloud has at least (0.7 ms of pair sums), and its tasks at most.
+PARTICLES_PER_TASK, CLOUD_TASKS = 1250, 32
+# Windows that samples are deposited in at most: each has its own rows of nodes, which are memory to go
+# through; and samples that one has at least (to wake a thread takes as long as to deposit those).
+DEPOSIT_WINDOWS, LEAST_DEPOSITED = 8, 2_500
+# Lanes of `diagnostics` for sums over particles, which do not wait for each other; and the parts that
+# realisations are cut into at most, and numbers that a part has at least (100 us, to wake a thread).
+SURVEY_LANES, SURVEY_PARTS, NUMBERS_PER_PART = 256, 8, 100_000

@@ -13,11 +13,11 @@ from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
     parallel_kernel,
-    threads_for,
     view_kernel,
 )
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.threads import threads_for
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 

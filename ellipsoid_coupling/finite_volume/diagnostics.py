@@ -1,4 +1,4 @@
-"""One look over all cells or particles, for the monitors: sums and extremes in one pass over memory."""
+"""Sums and extremes over all cells or particles in one pass over memory, for the monitors."""
 
 from __future__ import annotations
 
@@ -8,52 +8,44 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.algebra import axpy
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    inline_kernel,
-    kernel,
-    parallel_kernel,
-    threads_for,
-    view_kernel,
+from ellipsoid_coupling.compiled.algebra import add, axpy, mul, scale
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.compiled.loops import chunk, over_row
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
+from ellipsoid_coupling.compiled.threads import threads_for
+from ellipsoid_coupling.compiled.tuning import (
+    CELLS_PER_THREAD,
+    NUMBERS_PER_PART,
+    ROW_TASKS,
+    SURVEY_LANES,
+    SURVEY_PARTS,
 )
-from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import DENSITY
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 
 Floats = NDArray[np.float64]
 
-# To look at so many cells takes as long as to wake a thread; rows are dealt out in so many tasks.
-_CELLS_PER_THREAD, _TASKS = 100_000, 64
-
-# Sums and extremes over particles are kept in so many lanes, which do not wait for one another.
-_LANES = 256
-# Realisations are dealt out in so many parts at most, of so many numbers each: to look at those takes
-# as long as to wake a thread.
-_PARTS, _NUMBERS_PER_PART = 8, 100_000
-
-# A sum, the least density, the sums of rho |v|^2 and of rho omega^2.
+# Columns of what is surveyed: the sum and the least value of the density, the sums of rho |v|^2 and of
+# rho omega^2.
 _MASS, _LEAST, _MOTION, _SPIN = range(4)
 
 
 @inline_kernel
-def _with_square(inverse: float, total: float, carried: float) -> float:
-    return total + carried * carried * inverse
+def _survey_cell(i: int, cells: Rows, sums: Rows) -> None:
+    cell, before = load(cells, i), load(sums, i)
+    rho = cell[DENSITY]
+    inverse = 0.0 if rho == 0.0 else 1.0 / rho
+    motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * inverse
+    # One number, or none where there is no angle.
+    angular_momentum = cell[3:]
+    spin = add(before[_SPIN:], scale(inverse, mul(angular_momentum, angular_momentum)))
+    store(sums, i, (before[_MASS] + rho, min(before[_LEAST], rho), motion, *spin))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _survey_row(cells: Rows, width: int, sums: Rows) -> None:
     """Add a row to the sums of each column; `cells` ends with the angular momentum, if there is any."""
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            cell, before = load(cells, i), load(sums, i)
-            rho = cell[DENSITY]
-            share = 0.0 if rho == 0.0 else 1.0 / rho
-            motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * share
-            spin = map_fields(_with_square, (share,), (before[_SPIN:], cell[3:]))
-            least = min(before[_LEAST], rho)
-            store(sums, i, (before[_MASS] + rho, least, motion, *spin))
+    over_row(width, _survey_cell, (cells, sums))
 
 
 @parallel_kernel
@@ -63,22 +55,24 @@ def _survey(
     kinds: tuple[int, ...],
     first: int,
     planes: int,
-    found: Floats,
+    surveys: Floats,
 ) -> None:
-    """Surveys of some rows each: found (tasks, 4), the first of them overwritten."""
+    """One survey of some rows for each task: surveys (tasks, 4), as many columns as `kinds`."""
     rows, columns = fields.shape[2] - 2 * GHOSTS, fields.shape[3] - 2 * GHOSTS
-    tasks, lines = found.shape[0], planes * rows
+    tasks, lines = surveys.shape[0], planes * rows
     plane = fields.shape[1] * fields.shape[2]
     for task in numba.prange(tasks):
+        # One sum for each column of cells: additions along x do not wait for each other.
         sums = np.zeros((len(components), columns))
         sums[_LEAST] = np.inf
         here = rows_at(sums, kinds, 0)
-        for line in range(task * lines // tasks, (task + 1) * lines // tasks):
+        begin, end = chunk(task, tasks, lines)
+        for line in range(begin, end):
             row = (first + line // rows) * fields.shape[2] + line % rows + GHOSTS
             cells = rows_at(fields, axpy(components, plane, row), GHOSTS)
             _survey_row(cells, columns, here)
         for k in range(len(components)):
-            found[task, k] = sums[k].min() if k == _LEAST else sums[k].sum()
+            surveys[task, k] = sums[k].min() if k == _LEAST else sums[k].sum()
 
 
 def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
@@ -93,18 +87,19 @@ def survey_cells(fields: Floats) -> tuple[float, float, tuple[float, float]]:
     planes = fields.reshape(fields.shape[0], -1, *fields.shape[-2:])
     count, rows = planes.shape[1] - 2 * first, planes.shape[2] - 2 * GHOSTS
     components = (0, 1, 2, fields.shape[0] - 1)[: min(fields.shape[0], 4)]
-    found = np.zeros((min(count * rows, _TASKS), 4))
-    with threads_for(count * rows * (planes.shape[3] - 2 * GHOSTS), _CELLS_PER_THREAD):
-        _survey(planes, components, tuple(range(len(components))), first, count, found)
-    mass, motion, spin = (float(found[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
-    least = float(found[:, _LEAST].min())
+    surveys = np.zeros((min(count * rows, ROW_TASKS), 4))
+    with threads_for(count * rows * (planes.shape[3] - 2 * GHOSTS), CELLS_PER_THREAD):
+        _survey(planes, components, tuple(range(len(components))), first, count, surveys)
+    mass, motion, spin = (float(surveys[:, k].sum()) for k in (_MASS, _MOTION, _SPIN))
+    # Tasks follow from the rows alone, so that the sums have one order.
+    least = float(surveys[:, _LEAST].min())
     if not mass > 0.0:
         return mass, least, (0.0, 0.0)
-    # A negative density, which is told by itself, may make the sums negative.
+    # A negative density, which `least` reports, may make the sums negative.
     return mass, least, (math.sqrt(abs(motion) / mass), math.sqrt(abs(spin) / mass))
 
 
-@view_kernel
+@kernel(noalias=True)
 def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floats) -> None:
     """Lane by lane: squares += v^2, largest = max(largest, |F|)."""
     for lane in range(velocity.size):
@@ -112,7 +107,7 @@ def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floa
         largest[lane] = max(largest[lane], abs(force[lane]))
 
 
-@view_kernel
+@kernel(noalias=True)
 def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> None:
     """Lane by lane, how many places are not within low .. high; NaN is not."""
     for lane in range(place.size):
@@ -121,7 +116,7 @@ def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> Non
         outside[lane] += 0.0 if within else 1.0
 
 
-@view_kernel
+@kernel(noalias=True)
 def _survey_some(
     place: Floats,
     velocity: Floats,
@@ -135,8 +130,8 @@ def _survey_some(
     for k in range(realisations[0], realisations[1]):
         for d in range(components):
             kind = 1 if d == 2 else 0
-            for first in range(0, number, _LANES):
-                run = slice(first, min(first + _LANES, number))
+            for first in range(0, number, SURVEY_LANES):
+                run = slice(first, min(first + SURVEY_LANES, number))
                 _add_squares(lanes[kind], lanes[2 + kind], velocity[k, d, run], force[k, d, run])
                 if box is not None and d < 2:
                     _add_outside(lanes[4], place[k, d, run], box[d, 0], box[d, 1])
@@ -146,11 +141,10 @@ def _survey_some(
 def _survey_shared(
     place: Floats, velocity: Floats, force: Floats, box: Floats | None, lanes: Floats
 ) -> None:
-    """Realisations dealt out among the parts of `lanes` (parts, 5, lanes)."""
+    """All realisations, cut into the parts of `lanes` (parts, 5, lanes)."""
     realisations, parts = velocity.shape[0], lanes.shape[0]
     for part in numba.prange(parts):
-        some = part * realisations // parts, (part + 1) * realisations // parts
-        _survey_some(place, velocity, force, box, some, lanes[part])
+        _survey_some(place, velocity, force, box, chunk(part, parts, realisations), lanes[part])
 
 
 @kernel
@@ -177,8 +171,8 @@ def survey_particles(
     """
     realisations, _, number = velocity.shape
     # Not by the number of threads, so that sums always add up in the same order.
-    parts = max(1, min(realisations, _PARTS, velocity.size // _NUMBERS_PER_PART))
-    lanes = np.zeros((parts, 5, _LANES))
+    parts = max(1, min(realisations, SURVEY_PARTS, velocity.size // NUMBERS_PER_PART))
+    lanes = np.zeros((parts, 5, SURVEY_LANES))
     if parts == 1:
         _survey_some(place, velocity, force, box, (0, realisations), lanes[0])
     else:

@@ -23,31 +23,24 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import (
-    few_by_few,
-    inline_kernel,
-    parallel_kernel,
-    view_kernel,
-)
+from ellipsoid_coupling.compiled.jit import inline_kernel, parallel_kernel, view_kernel
 from ellipsoid_coupling.compiled.loops import prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, rows_at
-from ellipsoid_coupling.compiled.simd_sums import DOUBLES
+from ellipsoid_coupling.compiled.simd_vectors import DOUBLES
+from ellipsoid_coupling.compiled.threads import small_chunks
 from ellipsoid_coupling.finite_volume.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
-from ellipsoid_coupling.finite_volume.sweep import (
+from ellipsoid_coupling.finite_volume.march import (
     March,
-    RowScratch,
-    Runs,
     begin_march,
     copy_row,
     first_row,
-    march_room,
-    row_scratch,
+    march_workspace,
     step_march,
-    sweep_row,
 )
+from ellipsoid_coupling.finite_volume.sweep import RowScratch, Runs, row_scratch, sweep_row
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -291,7 +284,7 @@ def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole]) -> N
         march = March(cut.first[task], cut.length[task], cut.width[task], row)
         # Not beyond the last cell of all, where the march looks at the row above the last one.
         left = whole.fields.shape[1] - march.first - (march.length + 1) * row
-        room = march_room(whole.y, min(round_up_to_vectors(march.width), left))
+        room = march_workspace(whole.y, min(round_up_to_vectors(march.width), left))
         _sweep_strip(signed(task), flux, whole, march, row_scratch(row), room)
 
 
@@ -330,6 +323,6 @@ def sweep_planes(
     cuts, longest = strips.above.size, round_up_to_vectors(plane.row) + DOUBLES
     copies = np.empty((cuts, _COPIED, len(x), longest))
     whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone)
-    with few_by_few(strips.first.size):
+    with small_chunks(strips.first.size):
         _sweep_planes(cuts * _COPIED, strips.first.size, (flux, whole))
     return float(gone.sum())

@@ -3,28 +3,26 @@
     g = h/2 (F_i + F_{i+1}) + w (psi_i - psi_{i+1}),    psi = U * q, w = 1/m or 1/I_c
 
 The trapezoidal rule for fluid, outer potentials and walls, the difference itself for the
-interaction. What reaches across the boundary in space is 0, and the ghosts of a wall hold what they
-mirror with the other sign.
+interaction. Across an open edge the work is 0; in wall ghosts it is the mirrored work with opposite sign:
+
+    cells     -2    -1  |  0     1     2 ...            | wall
+    work    -g_0     0  | g_0   g_1   g_2               g_i leads from cell i to cell i + 1
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.algebra import Values, total
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    inline_kernel,
-    kernel,
-    parallel_kernel,
-    view_kernel,
-)
-from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.algebra import Values, add, axpy, mul, scale, sub, total
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.compiled.loops import over_row
+from ellipsoid_coupling.compiled.parallel_arguments import signed
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL
 from ellipsoid_coupling.physics.elementary import exp_of_negative
@@ -39,16 +37,24 @@ _EXP_RANGE = math.exp(_RANGE)
 
 
 @inline_kernel
-def _step_down(weight: float, here: float, beyond: float) -> float:
-    return weight * (here - beyond)
+def _set_cell(
+    i: int,
+    pulls: tuple[Rows, Rows],
+    potentials: tuple[Rows, Rows],
+    weights: tuple[float, float],
+    out: Rows,
+) -> None:
+    pull = scale(weights[0], add(load(pulls[0], i), load(pulls[1], i)))
+    # Of no potential no number.
+    drop = scale(weights[1], sub(load(potentials[0], i), load(potentials[1], i)))
+    work = total(pull + drop)
+    kept = min(max(work, -STEEPEST), STEEPEST)
+    # The package's exponential is for negative arguments.
+    tilt = exp_of_negative(0.5 * kept - _RANGE) * _EXP_RANGE
+    store(out, i, (tilt, work - kept))
 
 
-@inline_kernel
-def _together(weight: float, here: float, beyond: float) -> float:
-    return weight * (here + beyond)
-
-
-@apart_kernel
+@kernel(noalias=True)
 def _set_run(
     pulls: tuple[Rows, Rows],
     potentials: tuple[Rows, Rows],
@@ -60,16 +66,7 @@ def _set_run(
 
     weights : h/2 and w, with the sign of the work.
     """
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            pull = map_fields(_together, weights[:1], (load(pulls[0], i), load(pulls[1], i)))
-            drop = map_fields(
-                _step_down, weights[1:], (load(potentials[0], i), load(potentials[1], i))
-            )
-            work = total(pull + drop)
-            kept = min(max(work, -STEEPEST), STEEPEST)
-            tilt = exp_of_negative(0.5 * kept - _RANGE) * _EXP_RANGE
-            store(out, i, (tilt, work - kept))
+    over_row(width, _set_cell, (pulls, potentials, weights, out))
 
 
 @kernel
@@ -85,20 +82,28 @@ def _source(padded: int, count: int, reflecting: bool) -> tuple[int, float]:
     return 0, 0.0
 
 
-@view_kernel
+class _Forces(NamedTuple):
+    """What works: F without the interaction, U * q or None, and the angles that this tells apart."""
+
+    pull: Floats
+    potential: Floats | None
+    distinct: int
+
+
+@kernel(noalias=True)
 def _set_between(
-    pull: Floats,
-    potential: Floats | None,
-    distinct: int,
+    forces: _Forces,
     here: tuple[int, int, int],
     beyond: tuple[int, int, int],
     weights: tuple[float, float],
     width: int,
     out: Floats,
-    place: int,
+    start: int,
 ) -> None:
-    """`_set_run` of the cells from `here` on, (angle, y, x), to out (2, cells) from `place` on."""
+    """`_set_run` of the cells from `here` on, (angle, y, x), to out (2, cells) from `start` on."""
+    pull, potential, distinct = forces
     rows = pull.shape[1]
+    # Rows of (angle, y); the potential has fewer angles where it is periodic in them.
     pulls = (
         rows_at(pull, (here[0] * rows + here[1],), here[2]),
         rows_at(pull, (beyond[0] * rows + beyond[1],), beyond[2]),
@@ -107,7 +112,62 @@ def _set_between(
         rows_at(potential, (here[0] % distinct * rows + here[1],), here[2]),
         rows_at(potential, (beyond[0] % distinct * rows + beyond[1],), beyond[2]),
     )
-    _set_run(pulls, potentials, weights, width, rows_at(out, (0, 1), place))
+    _set_run(pulls, potentials, weights, width, rows_at(out, (0, 1), start))
+
+
+@kernel
+def _set_along_x(
+    forces: _Forces,
+    line: int,
+    reflecting: bool,
+    weights: tuple[float, float],
+    padded: tuple[int, int],
+    out: Floats,
+) -> None:
+    """One row, number `line` of (angle, y)."""
+    _, ny, nx = forces.pull.shape
+    a, j = line // ny, line % ny
+    row = (a + GHOSTS) * padded[0] + (j + GHOSTS) * padded[1]
+    _set_between(forces, (a, j, 0), (a, j, 1), weights, nx - 1, out, row + GHOSTS)
+    # Beyond a wall the mirror image: the same work, the other way.
+    back = -weights[0], -weights[1]
+    for end in (0, nx + GHOSTS):
+        i, sign = _source(end, nx, reflecting)
+        if sign < 0.0:
+            _set_between(forces, (a, j, i), (a, j, i + 1), back, 1, out, row + end)
+
+
+@kernel
+def _set_along_y(
+    forces: _Forces,
+    line: int,
+    reflecting: bool,
+    weights: tuple[float, float],
+    padded: tuple[int, int],
+    out: Floats,
+) -> None:
+    """From one row to the next, number `line` of (angle, padded y)."""
+    _, ny, nx = forces.pull.shape
+    a, row = line // (ny + 2 * GHOSTS), line % (ny + 2 * GHOSTS)
+    j, sign = _source(row, ny, reflecting)
+    if sign != 0.0:
+        # Sums and differences of forces change sign exactly, so mirrored work does as well.
+        signed = sign * weights[0], sign * weights[1]
+        start = (a + GHOSTS) * padded[0] + row * padded[1] + GHOSTS
+        _set_between(forces, (a, j, 0), (a, j + 1, 0), signed, nx, out, start)
+
+
+@kernel
+def _set_along_angle(
+    forces: _Forces, line: int, weights: tuple[float, float], padded: tuple[int, int], out: Floats
+) -> None:
+    """From one angle to the next, number `line` of (y, padded angle), which is periodic."""
+    na, _, nx = forces.pull.shape
+    j, layer = line // (na + 2 * GHOSTS), line % (na + 2 * GHOSTS)
+    # The ghost layers of the angle are periodic images.
+    a = (layer - GHOSTS) % na
+    start = layer * padded[0] + (j + GHOSTS) * padded[1] + GHOSTS
+    _set_between(forces, (a, j, 0), ((a + 1) % na, j, 0), weights, nx, out, start)
 
 
 @parallel_kernel
@@ -118,37 +178,21 @@ def _set_work(
     axis: int,
     reflecting: bool,
     weights: tuple[float, float],
-    padded_row: int,
     out: Floats,
 ) -> None:
     na, ny, nx = pull.shape
-    lines = na * ny if axis == -1 else na * (ny + 2 * GHOSTS) if axis == -2 else ny * (na + 4)
-    plane = (ny + 2 * GHOSTS) * padded_row
-    back = (-weights[0], -weights[1])
-    for task in numba.prange(lines):
+    # Plane and row of padded fields.
+    row = nx + 2 * GHOSTS
+    plane = (ny + 2 * GHOSTS) * row
+    lines = na * ny if axis == -1 else na * (ny + 4) if axis == -2 else ny * (na + 4)
+    for line in numba.prange(lines):
+        forces, number = _Forces(pull, potential, distinct), signed(line)
         if axis == -1:
-            a, j = task // ny, task % ny
-            place = (a + GHOSTS) * plane + (j + GHOSTS) * padded_row
-            here = pull, potential, distinct
-            _set_between(*here, (a, j, 0), (a, j, 1), weights, nx - 1, out, place + GHOSTS)
-            for end in (0, nx + GHOSTS):
-                i, sign = _source(end, nx, reflecting)
-                if sign < 0.0:
-                    _set_between(*here, (a, j, i), (a, j, i + 1), back, 1, out, place + end)
+            _set_along_x(forces, number, reflecting, weights, (plane, row), out)
         elif axis == -2:
-            a, row = task // (ny + 2 * GHOSTS), task % (ny + 2 * GHOSTS)
-            j, sign = _source(row, ny, reflecting)
-            place = (a + GHOSTS) * plane + row * padded_row + GHOSTS
-            if sign != 0.0:
-                signed = weights if sign > 0.0 else back
-                here = pull, potential, distinct
-                _set_between(*here, (a, j, 0), (a, j + 1, 0), signed, nx, out, place)
+            _set_along_y(forces, number, reflecting, weights, (plane, row), out)
         else:
-            j, layer = task // (na + 2 * GHOSTS), task % (na + 2 * GHOSTS)
-            a = (layer - GHOSTS) % na
-            place = layer * plane + (j + GHOSTS) * padded_row + GHOSTS
-            here = pull, potential, distinct
-            _set_between(*here, (a, j, 0), ((a + 1) % na, j, 0), weights, nx, out, place)
+            _set_along_angle(forces, number, weights, (plane, row), out)
 
 
 def set_work(
@@ -174,38 +218,26 @@ def set_work(
     weights : (float, float)
         h/2 and w.
     out : (2, (na + 4) (ny + 4) (nx + 4))
-        exp(g/2), g held between +-`STEEPEST`, and what is beyond. Cells that have no work are left
-        as they are: with 1 and 0.
+        exp(g/2), g held between +-`STEEPEST`, and the rest of g. Cells without work keep what they
+        have: 1 and 0.
     """
     distinct = 1 if potential is None else potential.shape[0]
-    row = pull.shape[2] + 2 * GHOSTS
-    _set_work(pull, potential, distinct, axis, reflecting, weights, row, out)
+    _set_work(pull, potential, distinct, axis, reflecting, weights, out)
 
 
 @inline_kernel
-def _position(cell: int, cells: int, sign: int, component: int, stride: int) -> int:
-    """The neighbour's momentum among all numbers of the fields."""
-    return component * cells + cell + sign * stride
+def _set_ahead_cell(
+    i: int, density: Rows, low: Rows, high: Rows, factors: Values, out: Rows
+) -> None:
+    leaving = total(mul(factors, sub(load(high, i), load(low, i))))
+    store(out, i, sub(load(density, i), leaving))
 
 
-@inline_kernel
-def _through(low: float, high: float, factor: float) -> float:
-    return factor * (high - low)
-
-
-@inline_kernel
-def _without(leaving: float, density: float) -> float:
-    return density - leaving
-
-
-@apart_kernel
+@kernel(noalias=True)
 def _set_ahead_row(
     density: Rows, low: Rows, high: Rows, factors: Values, width: int, out: Rows
 ) -> None:
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            leaving = total(map_fields(_through, (), (load(low, i), load(high, i), factors)))
-            store(out, i, map_fields(_without, (leaving,), (load(density, i),)))
+    over_row(width, _set_ahead_cell, (density, low, high, factors, out))
 
 
 @parallel_kernel
@@ -218,15 +250,16 @@ def _set_ahead(
 ) -> None:
     na, ny, nx = out.shape
     cells = fields.shape[1] * fields.shape[2] * fields.shape[3]
+    # Rows of one number, so that a neighbour along any axis is a row of its own.
     numbers = fields.reshape(-1, 1)
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
         row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
-        cell = row * fields.shape[3] + GHOSTS
-        low = rows_at(numbers, map_fields(_position, (cell, cells, -1), (momenta, strides)), 0)
-        high = rows_at(numbers, map_fields(_position, (cell, cells, 1), (momenta, strides)), 0)
-        density = rows_at(fields, (row,), GHOSTS)
-        _set_ahead_row(density, low, high, factors, nx, rows_at(out, (task,), 0))
+        here = axpy(momenta, cells, row * fields.shape[3] + GHOSTS)
+        low, high = rows_at(numbers, sub(here, strides), 0), rows_at(numbers, add(here, strides), 0)
+        _set_ahead_row(
+            rows_at(fields, (row,), GHOSTS), low, high, factors, nx, rows_at(out, (task,), 0)
+        )
 
 
 def set_ahead(fields: Floats, axes: tuple[int, ...], factors: Values, out: Floats) -> None:

@@ -24,7 +24,7 @@ from ellipsoid_coupling.compiled.algebra import (
     axpy,
     maximum,
 )
-from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, one_by_one, parallel_kernel
+from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, parallel_kernel
 from ellipsoid_coupling.compiled.loops import block_size, prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import (
     Rows,
@@ -33,6 +33,7 @@ from ellipsoid_coupling.compiled.rows import (
     rows_at,
     store,
 )
+from ellipsoid_coupling.compiled.threads import single_task_chunks
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
     Drive,
@@ -261,7 +262,7 @@ def _relaxed(
     if limits is not None:
         ahead[: limits.distances.size] = limits.distances if limits.ahead is None else limits.ahead
     fastest = np.zeros((min(extents.shape[0] * extents.shape[1], _TASKS), momenta))
-    with one_by_one():
+    with single_task_chunks():
         _relax(
             fields,
             extents,

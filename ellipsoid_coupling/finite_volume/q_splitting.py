@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.fluxes import AnyFlux, Ballistic, Force
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
@@ -36,8 +36,8 @@ from ellipsoid_coupling.finite_volume.q_sources import (
     step_implicitly,
 )
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import Real
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
+from ellipsoid_coupling.interaction.convolution.spectra import Real
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.stepping.step_control import looking_ahead
 
@@ -72,7 +72,7 @@ class QSystem:
         The density up to which a cell counts as empty.
     left : (1,) float64
         What has left through open boundaries, in units of a cell's density.
-    room : KeptArrays
+    room : BufferPool
         Memory for forces with walls.
     """
 
@@ -88,7 +88,7 @@ class QSystem:
     extents: Extents = field(init=False)
     vacuum: float = field(init=False)
     left: Floats = field(init=False)
-    room: KeptArrays = field(init=False, default_factory=KeptArrays)
+    room: BufferPool = field(init=False, default_factory=BufferPool)
 
     def __post_init__(self) -> None:
         # The density that mass 1 has all over the grid, a small part of it.

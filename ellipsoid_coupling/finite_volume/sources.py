@@ -27,12 +27,7 @@ from ellipsoid_coupling.compiled.algebra import (
     select,
     total,
 )
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    inline_kernel,
-    kernel,
-    parallel_kernel,
-)
+from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.cell_acceleration import (

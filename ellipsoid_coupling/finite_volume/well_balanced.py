@@ -30,10 +30,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.algebra import Values, total
-from ellipsoid_coupling.compiled.jit import apart_kernel, for_each, inline_kernel, parallel_kernel
-from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.algebra import Values, add, scale, select
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
+from ellipsoid_coupling.compiled.loops import over_row
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Kinetic, Limits, face_factor
@@ -53,7 +54,7 @@ Floats = NDArray[np.float64]
 _SHORTEST_NEXT = 0.25
 
 
-class BalancedHeun:
+class WellBalancedHeun:
     """Steps a `QSystem` with pressure 1 as above."""
 
     order: ClassVar[int] = 2
@@ -103,15 +104,17 @@ class BalancedHeun:
         return shorter((min(steps[:2]), steps[2]))
 
     def step(self, dt: float, count: int) -> bool:
-        """See the module; refused if what it leads to allows only a far shorter one.
+        """See the module; the step is refused if the new state allows less than a quarter of it.
 
-        A cell that the first stage all but empties keeps a momentum for the second.
+        This happens when the first stage nearly empties a cell whose momentum the second stage uses.
         """
         system = self._system
         kept = system.left.copy(), self.memory.copy(), system.extents
+        # Half a step ahead: the midpoint rule makes the interaction second order in time.
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
         axes = system.axes
+        # Reversed order every second step: the splitting is second order over two steps.
         order = axes if count % 2 == 0 else axes[::-1]
         for axis in order:
             self._fill(axis)
@@ -156,7 +159,8 @@ class BalancedHeun:
         if potential is None:
             return
         for d, axis in enumerate(self._system.axes):
-            # Of all periods only the angle's is real: nothing reaches over the ends of x and y.
+            # Only the angle is periodic: nothing acts across the ends of x and y.
+            # The rise from the last angle to the first one counts as well.
             closed = np.concatenate((potential, potential[:1])) if axis == -3 else potential
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
@@ -166,24 +170,26 @@ class BalancedHeun:
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
+        # The flux needs the tilt only; the rest of the work enters by the source.
         flux = Kinetic(work[0], system.smooth_part(axis))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
-        exponential = _exponential_weights(rate, dt)
-        ratio = dt / system.grid.width(axis)
+        stage = _Stage(dt / system.grid.width(axis), *_exponential_weights(rate, dt))
         normal = NORMAL[axis]
         stride = math.prod(system.grid.padded[3 + axis + 1 :])
-        here = system.fields, before
         left = system.left.copy()
         system.transport(flux, axis, dt)
         source = work, Limits(flux.smooth, system.vacuum)
-        _push(*here, system.extents, *source, (normal, stride), ratio, exponential)
+        _push(system.fields, before, system.extents, *source, (normal, stride), stage)
         self._fill(axis)
+        # The second stage's source needs density and momentum as the first stage has left them,
+        # ghosts included.
         _copy(system.fields, middle, (Q, normal))
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `_combine`.
         system.left[:] = 0.5 * (left + system.left)
         components = in_order(system.fields.shape[0], normal)
-        _combine(*here, middle, system.extents, *source, components, stride, ratio, exponential)
+        states = system.fields, before, middle
+        _combine(states, system.extents, *source, components, stride, stage)
 
 
 def _copy(source: Floats, target: Floats, which: tuple[int, ...] | None = None) -> None:
@@ -227,9 +233,12 @@ def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
     density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
     work to the upper one and from the lower one.
     """
+    # Ratios of the equilibrium's densities: upper face to centre, lower face to centre.
     rise, fall = up[0], 1.0 / down[0]
     factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
+    # Simpson's rule for the mean density of the profile over that of the equilibrium: c(s)/c(g).
     mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    # Both faces' pressures, and the rest of the work, which acts as a plain force.
     push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
     return push * density[1]
 
@@ -258,21 +267,25 @@ def _source_at(forced: _Forced, i: int) -> float:
     return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.limits)
 
 
-@apart_kernel
-def _push_row(
-    forced: _Forced,
-    before: Rows,
-    moved: Rows,
-    width: int,
-    ratio: float,
-    weights: tuple[float, float, float],
-) -> None:
-    decay, first, _ = weights
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            m, now = total(load(before, i)), total(load(moved, i))
-            pushed = now - m + ratio * _source_at(forced, i)
-            store(moved, i, (decay * m + first * pushed,))
+class _Stage(NamedTuple):
+    """What both stages of a step share: dt/h, and exp(-z), phi_1, phi_2 of `_exponential_weights`."""
+
+    ratio: float
+    decay: float
+    first: float
+    second: float
+
+
+@inline_kernel
+def _push_cell(i: int, forced: _Forced, before: Rows, moved: Rows, stage: _Stage) -> None:
+    m, now = load(before, i)[0], load(moved, i)[0]
+    push = now - m + stage.ratio * _source_at(forced, i)
+    store(moved, i, (stage.decay * m + stage.first * push,))
+
+
+@kernel(noalias=True)
+def _push_row(forced: _Forced, before: Rows, moved: Rows, width: int, stage: _Stage) -> None:
+    over_row(width, _push_cell, (forced, before, moved, stage))
 
 
 @inline_kernel
@@ -292,8 +305,7 @@ def _push(
     work: Floats,
     limits: Limits,
     line: tuple[int, int],
-    ratio: float,
-    weights: tuple[float, float, float],
+    stage: _Stage,
 ) -> None:
     """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m.
 
@@ -306,55 +318,48 @@ def _push(
         start, width = _run(extents, task, padded)
         forced = _forced(old, work, start, stride, limits)
         m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
-        _push_row(forced, m, moved, width, ratio, weights)
+        _push_row(forced, m, moved, width, stage)
 
 
 @inline_kernel
-def _mean(empty: bool, one: float, other: float) -> float:
-    return 0.0 if empty else 0.5 * (one + other)
-
-
-@apart_kernel
-def _combine_row(
-    forced: _Forced,
-    first_stage: Rows,
-    old: Rows,
-    new: Rows,
-    width: int,
-    ratio: float,
-    weights: tuple[float, float, float],
+def _combine_cell(
+    i: int, forced: _Forced, first_stage: Rows, old: Rows, new: Rows, stage: _Stage
 ) -> None:
-    decay, first, second = weights
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            before, after, m1 = load(old, i), load(new, i), total(load(first_stage, i))
-            change = after[ALONG] - m1 + ratio * _source_at(forced, i)
-            change -= (m1 - decay * before[ALONG]) / first
-            # A mean of mass and vacuum never gets there by itself, and its velocity is any.
-            empty = 0.5 * (before[DENSITY] + after[DENSITY]) <= forced.limits.vacuum
-            means = map_fields(_mean, (empty,), (before, after))
-            momentum = 0.0 if empty else m1 + second * change
-            store(new, i, (means[DENSITY], momentum, *means[2:]))
+    before, after, m1 = load(old, i), load(new, i), load(first_stage, i)[0]
+    # dt (R1 - R0): R1 from the second transport, R0 from what the first stage made of it.
+    change = after[ALONG] - m1 + stage.ratio * _source_at(forced, i)
+    change -= (m1 - stage.decay * before[ALONG]) / stage.first
+    means = scale(0.5, add(before, after))
+    # A mean of mass and vacuum never gets to 0 by itself, and its velocity is made of rounding.
+    empty = means[DENSITY] <= forced.limits.vacuum
+    new_cell = (means[DENSITY], m1 + stage.second * change, *means[2:])
+    store(new, i, select(empty, 0.0, new_cell))
+
+
+@kernel(noalias=True)
+def _combine_row(
+    forced: _Forced, first_stage: Rows, old: Rows, new: Rows, width: int, stage: _Stage
+) -> None:
+    over_row(width, _combine_cell, (forced, first_stage, old, new, stage))
 
 
 @parallel_kernel
 def _combine(
-    fields: Floats,
-    before: Floats,
-    middle: Floats,
+    states: tuple[Floats, Floats, Floats],
     extents: Extents,
     work: Floats,
     limits: Limits,
     components: tuple[int, ...],
     stride: int,
-    ratio: float,
-    weights: tuple[float, float, float],
+    stage: _Stage,
 ) -> None:
     """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0).
 
-    middle : density and momentum after the first stage.
+    states : the fields, which are overwritten; those before the step; density and momentum after the
+    first stage.
     components : density, momentum along the direction, and the others.
     """
+    fields, before, middle = states
     padded = fields.shape[2], fields.shape[3]
     old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
     half = middle.reshape(2, -1)
@@ -363,4 +368,4 @@ def _combine(
         forced = _forced(half, work, start, stride, limits)
         m1 = rows_at(half, (1,), start)
         olds, news = rows_at(old, components, start), rows_at(new, components, start)
-        _combine_row(forced, m1, olds, news, width, ratio, weights)
+        _combine_row(forced, m1, olds, news, width, stage)

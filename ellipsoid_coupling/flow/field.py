@@ -19,7 +19,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,8 +76,8 @@ def _cell(position: float, cells: int) -> int:
     """The cell of a position in units of cells, the nearest one from outside, 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
     low = max(0.0, position)
-    held = low if low < cells else cells - 1.0
-    return int(held)
+    inside = low if low < cells else cells - 1.0
+    return int(inside)
 
 
 @inline_kernel
@@ -100,7 +100,7 @@ def nearest(
     """
     if rim is None:
         return x, y
-    # In this order: what is no number stays so.
+    # In this order NaN stays NaN.
     return min(max(x, rim[0]), rim[1]), min(max(y, rim[2]), rim[3])
 
 
@@ -158,7 +158,9 @@ def sample_flow(
 
 
 @kernel
-def _sample_many(flow: FlowArrays, x: Array, y: Array, out: Array, inside: NDArray[Any]) -> None:
+def _sample_many(
+    flow: FlowArrays, x: Array, y: Array, out: Array, inside: NDArray[np.bool_]
+) -> None:
     """`sample_flow` at the points x, y (n,) into out (5, n) and inside (n,)."""
     for k in range(x.size):
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], inside[k] = sample_flow(
@@ -194,8 +196,8 @@ class FlowField:
         psi : (ny+1, nx+1), axis order (y, x)
         x, y : (nx+1,) and (ny+1,), the nodes, evenly spaced
         origin : one line
-        wall_velocity : tangential velocity at the four sides' nodes; what is missing (None or NaN)
-            follows from psi by one-sided differences
+        wall_velocity : tangential velocity at the four sides' nodes; missing ones (None or
+            NaN) follow from psi by one-sided differences
         inside : (ny, nx), the cells that lie in the flow; all of them by default
         """
         nx, ny = x.size - 1, y.size - 1

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel, parallel_kernel
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.algebra import add
+from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel
+from ellipsoid_coupling.compiled.parallel_arguments import pack, unpack
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.interaction.grid_forces import (
     Array,
     Forces,
@@ -17,9 +18,8 @@ from ellipsoid_coupling.interaction.grid_forces import (
     check_grid,
     half_widths,
 )
+from ellipsoid_coupling.interaction.occupied import Indices, occupied_extents
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
-
-Indices = NDArray[np.int64]
 
 
 class _Setup(NamedTuple):
@@ -32,7 +32,7 @@ class _Setup(NamedTuple):
 
 
 class _Fields(NamedTuple):
-    """cos and sin of 2 phi and density, (ny, nx) each; `extents` (ny, 2) as of `row_extents`."""
+    """cos and sin of 2 phi and density, (ny, nx) each; `extents` (ny, 2) of `occupied_extents`."""
 
     c2: Array
     s2: Array
@@ -72,44 +72,27 @@ class DirectInteraction:
     def __call__(self, density: Array, angle: Array) -> Forces:
         """See `GridInteraction`."""
         check_fields(self.grid_shape, density, angle)
-        fields = _Fields(np.cos(2.0 * angle), np.sin(2.0 * angle), density, row_extents(density))
+        extents = occupied_extents(density[None])[0]
+        fields = _Fields(np.cos(2.0 * angle), np.sin(2.0 * angle), density, extents)
         force = np.zeros((2, *self.grid_shape))
         turns = self._setup.shape.shape_factor != 0.0
         torque = np.zeros(self.grid_shape) if turns else None
-        occupied = np.flatnonzero(fields.extents[:, 0] < fields.extents[:, 1])
-        # Threads take contiguous parts of this list: dealing the rows out balances their work.
+        occupied = np.flatnonzero(extents[:, 0] < extents[:, 1])
+        # Threads take contiguous parts of this list: every n-th row for each of n threads balances them.
         threads = numba.get_num_threads()
         rows = np.concatenate([occupied[first::threads] for first in range(threads)])
-        _sum_rows(rows, fields, self._setup, force, torque)
+        _sum_rows(rows, (fields, self._setup), force, torque)
         return Forces(force[0], force[1], torque)
-
-
-def row_extents(density: Array) -> Indices:
-    """First and one past the last occupied cell of every row: (ny, 2) int64, (nx, 0) if none is."""
-    occupied = density != 0.0
-    some = occupied.any(axis=1)
-    columns = density.shape[1]
-    first = np.where(some, occupied.argmax(axis=1), columns)
-    end = np.where(some, columns - occupied[:, ::-1].argmax(axis=1), 0)
-    return np.stack([first, end], axis=1).astype(np.int64)
 
 
 @parallel_kernel
 def _sum_rows(
-    rows: Indices, fields: _Fields, setup: _Setup, force: Array, torque: Array | None
+    rows: Indices, grid: tuple[_Fields, _Setup], force: Array, torque: Array | None
 ) -> None:
-    # Numba's parallel loops take arrays and numbers, not named tuples: out of them, and in again.
-    h, scale, shape, widths = setup
-    shape_factor, size, reach, bluntness = shape
-    c2, s2, density, extents = fields
+    packed = pack(grid)
     for k in numba.prange(rows.size):
-        _sum_row(
-            rows[k],
-            _Fields(c2, s2, density, extents),
-            _Setup(h, scale, PotentialShape(shape_factor, size, reach, bluntness), widths),
-            force,
-            torque,
-        )
+        fields, setup = unpack(packed)
+        _sum_row(rows[k], fields, setup, force, torque)
 
 
 @kernel
@@ -118,14 +101,17 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
     h, scale, shape, widths = setup
     c2, s2, density, extents = fields
     first, end = extents[row]
+    # Slopes are summed over all offsets before they are scaled: one rounding less a pair.
     sums = np.zeros((2, c2.shape[1]))
     for source in range(max(0, row - widths.size + 1), min(c2.shape[0], row + widths.size)):
         width = widths[abs(source - row)]
         for offset in range(-width, width + 1):
             a = max(first, extents[source, 0] - offset)
             b = min(end, extents[source, 1] - offset)
+            # Cells of the target's row that have an occupied source cell at this offset.
             if a >= b:
                 continue
+            # All these pairs have one offset, so that only angles vary along the loop.
             delta = offset * h, (source - row) * h
             target = c2[row, a:b], s2[row, a:b]
             a_bar, b_bar = a + offset, b + offset
@@ -140,12 +126,7 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
             torque[row, j] = scale * torque[row, j] if held else 0.0
 
 
-@inline_kernel
-def _plus(change: float, value: float) -> float:
-    return value + change
-
-
-@apart_kernel
+@kernel(noalias=True)
 def _add_offset(
     pull: tuple[Array, Array],
     turn: Rows,
@@ -169,4 +150,4 @@ def _add_offset(
         )
         pull_x[j] += density[j] * slope_x
         pull_y[j] += density[j] * slope_y
-        store(turn, j, map_fields(_plus, (density[j] * slope_angle,), (load(turn, j),)))
+        store(turn, j, add(load(turn, j), density[j] * slope_angle))

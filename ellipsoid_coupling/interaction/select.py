@@ -7,7 +7,7 @@ from typing import Literal
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.convolution.angular_series import angular_series
 from ellipsoid_coupling.interaction.convolution.fft_lengths import padded_length
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import LEAST_SINGLE_TOLERANCE
+from ellipsoid_coupling.interaction.convolution.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.interaction.direct import DirectInteraction
 from ellipsoid_coupling.interaction.grid_forces import GridInteraction, check_grid, half_widths
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction
@@ -84,10 +84,12 @@ def _most_harmonics(
     widths = half_widths(shape, h)
     py, px = (padded_length(cells, widths.size - 1) for cells in grid_shape)
     components = 2 if shape.shape_factor == 0.0 else 3
+    # Offsets of the disc: its rows on both sides, the middle one once.
     offsets = 2 * (2 * widths + 1).sum() - (2 * widths[0] + 1)
     pairs = int(offsets) * grid_shape[0] * grid_shape[1]
     bytes_each = 4 if tolerance >= LEAST_SINGLE_TOLERANCE else 8
     harmonics = 0
+    # Costs grow with the length of the series: the first that is too long ends the search.
     while True:
         functions = 2 * (harmonics + 1) + 1
         points = (1 + components) * functions * py * px

@@ -23,8 +23,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.jit import for_each
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
@@ -138,7 +138,7 @@ class McKeanVlasov:
         together = (
             None if acting is None else partial(_interact, acting, weights, self._state.frozen)
         )
-        self._forces = Forces(alone, together, KeptArrays())
+        self._forces = Forces(alone, together, BufferPool())
         self._blocks = np.zeros(1, np.int64)
 
     @staticmethod

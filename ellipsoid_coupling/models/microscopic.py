@@ -14,9 +14,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.compiled.tuning import LARGE_CLOUD
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LEAST_LARGE, LargeCloud
+from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import Spot
 from ellipsoid_coupling.models.from_scene import (
@@ -86,8 +87,8 @@ class Microscopic:
         self._state = start_state(setup)
         self._blocks = np.zeros(setup.realisations, np.int64)
         number = setup.scene.particles.number
-        self._large = LargeCloud(self._drift, number) if number >= LEAST_LARGE else None
-        self._room = KeptArrays()
+        self._large = LargeCloud(self._drift, number) if number >= LARGE_CLOUD else None
+        self._room = BufferPool()
 
     @staticmethod
     def require_fit(setup: Setup) -> None:

@@ -34,10 +34,11 @@ from ellipsoid_coupling.finite_volume.q_grid import (
     start_angles,
 )
 from ellipsoid_coupling.finite_volume.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
-from ellipsoid_coupling.finite_volume.well_balanced import BalancedHeun
+from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity, distinct_angles
-from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction, box_of
+from ellipsoid_coupling.interaction.occupied import occupied_box
+from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
@@ -62,7 +63,7 @@ _STEPPERS: dict[tuple[str, SchemeName], type[QStepper]] = {
     ("mono_kinetic", "paper"): Godunov,
     ("maxwellian", "paper"): Godunov,
     ("mono_kinetic", "accurate"): KickDriftKick,
-    ("maxwellian", "accurate"): BalancedHeun,
+    ("maxwellian", "accurate"): WellBalancedHeun,
 }
 
 _STEPS_PER_CALL = 16
@@ -151,7 +152,7 @@ class QEquation:
 
     def _carried(self, component: int) -> Floats:
         values: Floats = np.zeros(self.grid.shape)
-        box = box_of(self.system.extents)
+        box = occupied_box(self.system.extents)
         if box is not None:
             fields, here = inside(self.system.fields)[..., *box], values[..., *box]
             np.divide(fields[component], fields[Q], out=here, where=fields[Q] > 0.0)

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import threads_for
+from ellipsoid_coupling.compiled.threads import threads_for
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
 from ellipsoid_coupling.finite_volume.fluxes import AnyFlux

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.finite_volume.free_energy import Problem, descend, miss, point_at
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid
-from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
+from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import Spot
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -85,13 +85,14 @@ class StationaryState:
         in_space = 0.5 * stiffness * (self.grid.y[:, None] ** 2 + self.grid.x**2)
         return np.asarray(in_space + amplitude * np.sin(angle)[:, None, None])
 
-    def _interaction_potential(self) -> PotentialGrid | None:
+    def _interaction_potential(self) -> AngleGridInteraction | None:
         scene = self._setup.scene
         if scene.interaction is None:
             return None
         shape = potential_shape(scene.particles.length, scene.particles.width)
         strength = scene.interaction.strength / scene.particles.mass
-        return PotentialGrid((self.angles, *self.grid.shape), self.grid.cell, shape, strength)
+        cells = self.angles, *self.grid.shape
+        return AngleGridInteraction(cells, self.grid.cell, shape, strength, "potential")
 
     def _boltzmann(self, potential: Floats) -> tuple[Floats, float]:
         """The density exp(-V - potential)/Z and log Z."""
@@ -105,7 +106,9 @@ class StationaryState:
         """U*q/m, (na, ny, nx)."""
         if self._interaction is None:
             return np.zeros_like(density)
-        return self._interaction(density)
+        # One potential for all angles that it does not tell apart.
+        potential = self._interaction.potential(density)
+        return np.tile(potential, (self.angles // len(potential), 1, 1))
 
     def advance(self, until: float) -> None:
         """A few steps of the descent; once in equilibrium, time is `until`."""

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.jit import for_each, kernel, one_by_one
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each, single_task_chunks
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces, still_frozen
 from ellipsoid_coupling.interaction.pairs.cells import Sources
 from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
@@ -56,13 +57,13 @@ class Forces(NamedTuple):
         Adds what they do to each other to the drift (K, D, B) at `place`; overwrites it where `alone`
         is None, and leaves frozen samples out. Returns how many samples it finds outside the flow.
         None without interaction.
-    room : KeptArrays
+    room : BufferPool
         Memory for a step's work arrays, kept from call to call.
     """
 
     alone: Alone | None
     together: Callable[[Floats, Floats], int] | None
-    room: KeptArrays
+    room: BufferPool
 
 
 @kernel
@@ -118,7 +119,7 @@ def over_blocks(
         for k in range(blocks):
             task(k, *arguments)
     else:
-        with one_by_one():
+        with single_task_chunks():
             tasks(blocks, arguments)
 
 

@@ -33,7 +33,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.particles.collisions import Cloud, collision_step
 from ellipsoid_coupling.particles.frozen import frozen_block, frozen_row

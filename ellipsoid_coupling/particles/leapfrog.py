@@ -14,7 +14,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.intrinsics import fused
+from ellipsoid_coupling.compiled.intrinsics import fma
 from ellipsoid_coupling.compiled.jit import inline_kernel
 
 LOG2_E = 1.4426950408889634
@@ -27,19 +27,17 @@ def exp_of_negative(x: float) -> float:
     (remainder 2e-16) in parts that the processor adds up side by side, and 2^n written into the
     exponent bits.
     """
-    n: float = np.floor(fused(x, LOG2_E, 0.5))
-    r = fused(n, -LN2_LOW, fused(n, -LN2_HIGH, x))
+    n: float = np.floor(fma(x, LOG2_E, 0.5))
+    r = fma(n, -LN2_LOW, fma(n, -LN2_HIGH, x))
     r2 = r * r
-    low = fused(r2, fused(r, 1.0 / 6.0, 0.5), 1.0 + r)
-    middle = fused(r2, fused(r, 1.0 / 5040.0, 1.0 / 720.0), fused(r, 1.0 / 120.0, 1.0 / 24.0))
-    high = fused(
-        r2, fused(r, 1.0 / 39916800.0, 1.0 / 3628800.0), fused(r, 1.0 / 362880.0, 1.0 / 40320.0)
-    )
+    low = fma(r2, fma(r, 1.0 / 6.0, 0.5), 1.0 + r)
+    middle = fma(r2, fma(r, 1.0 / 5040.0, 1.0 / 720.0), fma(r, 1.0 / 120.0, 1.0 / 24.0))
+    high = fma(r2, fma(r, 1.0 / 39916800.0, 1.0 / 3628800.0), fma(r, 1.0 / 362880.0, 1.0 / 40320.0))
     r4 = r2 * r2
-    high = fused(r4, 1.0 / 479001600.0, high)
+    high = fma(r4, 1.0 / 479001600.0, high)
     bits = np.float64(n + TO_LOW_BITS).view(np.int64)
     power: float = np.int64((bits + 1023) << 52).view(np.float64)
-    return power * fused(r4, fused(r4, high, middle), low)
+    return power * fma(r4, fma(r4, high, middle), low)
 
 
 @inline_kernel
@@ -49,18 +47,18 @@ def cos_sin(x: float) -> tuple[float, float]:
     x = n pi/2 + r with |r| <= pi/4; the Taylor series up to r^16 and r^17 (remainder 2e-18), and
     n modulo 4 tells which is which, and the signs.
     """
-    n: float = np.floor(fused(x, INVERSE_HALF_PI, 0.5))
-    r = fused(n, -HALF_PI_LOW, fused(n, -HALF_PI_HIGH, x))
+    n: float = np.floor(fma(x, INVERSE_HALF_PI, 0.5))
+    r = fma(n, -HALF_PI_LOW, fma(n, -HALF_PI_HIGH, x))
     z = r * r
-    even = fused(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0)
-    even = fused(z, fused(z, even, 1.0 / 479001600.0), -1.0 / 3628800.0)
-    even = fused(z, fused(z, even, 1.0 / 40320.0), -1.0 / 720.0)
-    even = fused(z, fused(z, fused(z, even, 1.0 / 24.0), -0.5), 1.0)
-    uneven = fused(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0)
-    uneven = fused(z, fused(z, uneven, 1.0 / 6227020800.0), -1.0 / 39916800.0)
-    uneven = fused(z, fused(z, uneven, 1.0 / 362880.0), -1.0 / 5040.0)
-    uneven = fused(z, fused(z, uneven, 1.0 / 120.0), -1.0 / 6.0)
-    uneven = fused(z * r, uneven, r)
+    even = fma(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0)
+    even = fma(z, fma(z, even, 1.0 / 479001600.0), -1.0 / 3628800.0)
+    even = fma(z, fma(z, even, 1.0 / 40320.0), -1.0 / 720.0)
+    even = fma(z, fma(z, fma(z, even, 1.0 / 24.0), -0.5), 1.0)
+    uneven = fma(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0)
+    uneven = fma(z, fma(z, uneven, 1.0 / 6227020800.0), -1.0 / 39916800.0)
+    uneven = fma(z, fma(z, uneven, 1.0 / 362880.0), -1.0 / 5040.0)
+    uneven = fma(z, fma(z, uneven, 1.0 / 120.0), -1.0 / 6.0)
+    uneven = fma(z * r, uneven, r)
     quarter = 0.25 * n - np.floor(0.25 * n)
     crossed = quarter == 0.25 or quarter == 0.75
     cosine = uneven if crossed else even

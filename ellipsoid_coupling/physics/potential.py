@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ellipsoid_coupling.compiled.intrinsics import fused
+from ellipsoid_coupling.compiled.intrinsics import fma
 from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.physics.elementary import exp_of_negative
 
@@ -86,13 +86,13 @@ def pair_terms(
     # sums: (1 - lambda)(1 + lambda) + lambda^2 sin^2 Delta, (1 - lambda) delta + lambda (delta - ...).
     blunt, half = shape.bluntness, 0.5 * factor
     c, s = c2 + c2b, s2 + s2b
-    mx = fused(blunt, dx, factor * fused(-0.5, fused(c, dx, s * dy), dx))
-    my = fused(blunt, dy, factor * fused(-0.5, fused(s, dx, -c * dy), dy))
-    askew = fused(c2 - c2b, c2 - c2b, (s2 - s2b) * (s2 - s2b))
-    inverse_kappa = fused(half * half, askew, blunt * (1.0 + factor))
+    mx = fma(blunt, dx, factor * fma(-0.5, fma(c, dx, s * dy), dx))
+    my = fma(blunt, dy, factor * fma(-0.5, fma(s, dx, -c * dy), dy))
+    askew = fma(c2 - c2b, c2 - c2b, (s2 - s2b) * (s2 - s2b))
+    inverse_kappa = fma(half * half, askew, blunt * (1.0 + factor))
     d = size * inverse_kappa
     # Rounding in cos and sin may leave a needle's s below 0.
-    q = max(fused(dx, mx, dy * my), 0.0)
+    q = max(fma(dx, mx, dy * my), 0.0)
     inside = 1.0 if q < LARGEST_S * d else 0.0
     q = min(q, LARGEST_S * d)
     rest = d - q
@@ -104,13 +104,11 @@ def pair_terms(
     steep = d * over * over
     slope = 2.0 * potential * steep
     # kappa_theta/kappa = -kappa lambda^2 sin 2 Delta; s_theta has a part of kappa and one of M.
-    turning = (
-        -kappa * factor * factor * fused(s2, c2b, -c2 * s2b) * potential * fused(-q, steep, 0.5)
-    )
-    product, difference = dx * dy, 0.5 * fused(dx, dx, -dy * dy)
+    turning = -kappa * factor * factor * fma(s2, c2b, -c2 * s2b) * potential * fma(-q, steep, 0.5)
+    product, difference = dx * dy, 0.5 * fma(dx, dx, -dy * dy)
     arm = slope * factor
-    torque = fused(arm, fused(c2, product, -s2 * difference), turning)
-    torque_bar = fused(arm, fused(c2b, product, -s2b * difference), -turning)
+    torque = fma(arm, fma(c2, product, -s2 * difference), turning)
+    torque_bar = fma(arm, fma(c2b, product, -s2b * difference), -turning)
     return potential, slope * mx, slope * my, torque, torque_bar
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ellipsoid_coupling.compiled.algebra import (
     axpy,
     div,
     fill,
+    fused_axpy,
     maximum,
     minimum,
     mul,
@@ -88,6 +90,22 @@ def test_what_is_not_a_number_is_never_larger_nor_smaller() -> None:
         for values in found:
             assert math.isnan(values[0])
             assert values[1] == 1.0
+
+
+@kernel
+def _fused(a: float, x: Values, y: Values) -> Values:
+    return fused_axpy(a, x, y)
+
+
+def test_a_fused_sum_is_rounded_once() -> None:
+    """To the bit, in exact arithmetic; Python rounds twice, and its last digit may differ."""
+    rng = np.random.default_rng(5)
+    a, (x, y) = float(rng.standard_normal()), rng.standard_normal((2, 4)).tolist()
+    exact = [float(Fraction(a) * Fraction(u) + Fraction(v)) for u, v in zip(x, y, strict=True)]
+    assert _fused(a, tuple(x), tuple(y)) == tuple(exact)
+    np.testing.assert_allclose(plain(_fused)(a, tuple(x), tuple(y)), exact, rtol=0, atol=4e-16)
+    with pytest.raises(TypingError, match="floating point"):
+        kernel(plain(_fused))(2, (1, 2), (3, 4))
 
 
 @kernel

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.simd_sums import LINE
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.compiled.simd_vectors import LINE
 
 
 def test_memory_is_handed_out_again_unless_more_is_asked_for() -> None:
-    room = KeptArrays()
+    room = BufferPool()
     first = room.array("a", (3, 5), np.float64)
     other = room.array("b", (3, 5), np.float64)
     smaller = room.array("a", (7,), np.complex64)

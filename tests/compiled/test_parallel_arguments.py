@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import kernel, one_by_one, parallel_kernel, plain
+from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel, plain
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
+from ellipsoid_coupling.compiled.threads import single_task_chunks
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ def arguments_for(count: int, offset: float | None) -> tuple[Any, ...]:
 def test_each_task_runs_once_with_everything_it_is_given(count: int, offset: float | None) -> None:
     """The bits of the same kernel called for one task after another."""
     found, wanted = arguments_for(count, offset), arguments_for(count, offset)
-    with one_by_one():
+    with single_task_chunks():
         _add_rows(count, found)
     for k in range(count):
         _add_row(k, *wanted)

@@ -10,7 +10,7 @@ from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.algebra import Values, total
-from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.loops import prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import (
     Rows,
@@ -117,7 +117,7 @@ def test_only_contiguous_arrays_have_rows() -> None:
         _sum_at(np.zeros((2, 3, 8))[..., ::2], (0,), 0)
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _double(source: Rows, target: Rows, width: int) -> None:
     for i in range(round_up_to_vectors(width)):
         if i < width:

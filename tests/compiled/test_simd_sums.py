@@ -10,15 +10,9 @@ from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.compiled.simd_sums import (
-    DOUBLES,
-    LINE,
-    Four,
-    add_stencil,
-    sum_products,
-    sum_rows,
-    sum_stencil,
-)
+from ellipsoid_coupling.compiled.simd_stencils import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.compiled.simd_sums import sum_products, sum_rows
+from ellipsoid_coupling.compiled.simd_vectors import DOUBLES, LINE
 
 Kind = type[np.float32] | type[np.float64]
 

@@ -12,8 +12,8 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare.distances import errors_against
 from ellipsoid_coupling.compare.error_budget import bin_result
 from ellipsoid_coupling.compare.exact_solution import exact_reference
+from ellipsoid_coupling.compiled.tuning import LARGE_CLOUD
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LEAST_LARGE
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 from tests.known_flows import channel, growing_channel
@@ -154,7 +154,7 @@ def test_pairs_of_the_others_go_on(model: str, scheme: Any) -> None:
 def test_large_clouds_freeze_likewise() -> None:
     """All threads on one realisation: as many frozen as by the closed form, the others as they were."""
     given = {
-        "particles.realisations": 1, "particles.number": LEAST_LARGE, "times": [0.5],
+        "particles.realisations": 1, "particles.number": LARGE_CLOUD, "times": [0.5],
         "interaction.strength": 1e-6, "numerics.time_step": 0.05,
     }  # fmt: skip
     result = ec.simulate(scene(**given), "microscopic", "paper", flow=channel())

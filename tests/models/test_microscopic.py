@@ -67,7 +67,7 @@ def test_a_large_realisation_runs_as_a_small_one_does(
     part = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
     settings = part | {"particles.number": 1200, "particles.realisations": 2}
     small = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
-    monkeypatch.setattr(module, "LEAST_LARGE", 1000)
+    monkeypatch.setattr(module, "LARGE_CLOUD", 1000)
     large = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
     assert large._large is not None
     assert small._large is None

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import LEAST_SINGLE_TOLERANCE
+from ellipsoid_coupling.interaction.convolution.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.scenes import (
     builtin_scenes,
     explain_terms,

@@ -15,7 +15,7 @@ import numpy as np
 
 from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import Shape, shape_of
-from ellipsoid_coupling.compiled.jit import CompileTimer
+from ellipsoid_coupling.compiled.compile_events import CompileTimer
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
 from ellipsoid_coupling.monitors import Monitors

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ellipsoid_coupling.compiled.algebra import Values
-from ellipsoid_coupling.compiled.intrinsics import fused
+from ellipsoid_coupling.compiled.algebra import Values, fused_axpy, scale
+from ellipsoid_coupling.compiled.intrinsics import fma
 from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.compiled.rows import map_fields
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
     ALONG,
     DENSITY,
@@ -41,30 +40,26 @@ class Force(NamedTuple):
 
 
 @inline_kernel
-def _mixed(weight_l: float, weight_r: float, left: float, right: float) -> float:
-    """w_L U_L + w_R U_R."""
-    return fused(weight_l, left, weight_r * right)
-
-
-@inline_kernel
 def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     """FORCE between `below` (left) and `here` (right); see contract.py."""
     left, right, half = stencil.below, stencil.here, 0.5 * ratio
-    thin, thick = left[DENSITY], right[DENSITY]
-    slow, fast = left[ALONG], right[ALONG]
-    v_l, v_r = slow * stencil.inverse[0], fast * stencil.inverse[1]
-    middle_density = 0.5 * (thin + thick) - half * (fast - slow)
-    rise = fast * v_r - slow * v_l + flux.pressure * (thick - thin)
-    middle_momentum = 0.5 * (slow + fast) - half * rise
+    rho_l, rho_r = left[DENSITY], right[DENSITY]
+    m_l, m_r = left[ALONG], right[ALONG]
+    v_l, v_r = m_l * stencil.inverse[0], m_r * stencil.inverse[1]
+    middle_density = 0.5 * (rho_l + rho_r) - half * (m_r - m_l)
+    rise = m_r * v_r - m_l * v_l + flux.pressure * (rho_r - rho_l)
+    middle_momentum = 0.5 * (m_l + m_r) - half * rise
+    # Beside vacuum U* may be empty; it has no velocity then.
     middle_v = half * middle_momentum / middle_density if middle_density > flux.vacuum else 0.0
     part_l, part_r = half * v_l, half * v_r
-    weight_l = fused(middle_v, 0.5 + part_l, fused(0.5, part_l, 0.25))
-    weight_r = fused(middle_v, 0.5 - part_r, fused(0.5, part_r, -0.25))
-    carried: Values = map_fields(_mixed, (weight_l, weight_r), (left, right))
-    pressed = (half * flux.pressure) * (
-        0.5 * (thin + thick) + middle_density - middle_v * (thick - thin)
+    weight_l = fma(middle_v, 0.5 + part_l, fma(0.5, part_l, 0.25))
+    weight_r = fma(middle_v, 0.5 - part_r, fma(0.5, part_r, -0.25))
+    # Alike for all components: w_L U_L + w_R U_R.
+    advected = fused_axpy(weight_l, left, scale(weight_r, right))
+    pressure_part = (half * flux.pressure) * (
+        0.5 * (rho_l + rho_r) + middle_density - middle_v * (rho_r - rho_l)
     )
-    return (carried[DENSITY], carried[ALONG] + pressed, *carried[2:])
+    return (advected[DENSITY], advected[ALONG] + pressure_part, *advected[2:])
 
 
 register_face_flux(Force, force_flux)

@@ -1,11 +1,11 @@
-"""Kinetic flux for the Maxwellian closure: what flies through a face on either side, second order.
+"""Kinetic flux for the Maxwellian closure: particles fly through a face from both sides, second order.
 
-Particles at a point have a unit Gaussian of velocities w about the mean v, so what crosses a face
-upwards and what crosses it downwards are half-moments of it (KFVS):
+Particles at a point have a unit Gaussian of velocities w about the mean v, so the fluxes upwards and
+downwards through a face are half-moments of it (KFVS):
 
     G(v) = int_{w>0} w   M(w - v) dw = v P(v) + p(v)         mass
     H(v) = int_{w>0} w^2 M(w - v) dw = v G(v) + P(v)         momentum along the direction
-    G(v) a                                                   anything else that is carried
+    G(v) a                                                   anything else that is advected
 
 p the unit Gaussian's density and P its integral. Both sums are exact, G(v) - G(-v) = v and
 H(v) + H(-v) = 1 + v^2, so the flux is consistent. Every cell gives, no cell can give all that it
@@ -49,9 +49,9 @@ ORDER = 2
 
 # A steeper profile within a cell, from centre to face, is not believed.
 _STEEPEST = 2.0
-_CARRIED_LIMIT = 1.0
-# Of what a cell holds. All of it would leave momentum and a mass of 0 or of rounding, as it happens: the
-# velocity there, and soon all that follows, would be made of rounding.
+_ADVECTED_LIMIT = 1.0
+# Of a cell's content, the part that may leave in a step. If all of it left, the rest would be momentum and
+# a mass of rounding: the velocity there, and soon everywhere, would be made of rounding.
 _LARGEST_PART = 1.0 - 2.0**-10
 # How fast the flux damps the momentum of a cell against its neighbours', H'(0) - (-H'(0)) = 4 p(0):
 # this takes the place of the speed of sound, 1, in the CFL number.
@@ -62,7 +62,7 @@ _FASTEST = 20.0
 
 
 class Limits(NamedTuple):
-    """What is smooth and what is empty, see `Kinetic`."""
+    """The bounds of smooth and of empty, see `Kinetic`."""
 
     smooth: float
     vacuum: float
@@ -95,11 +95,13 @@ def _half_moments(v: float) -> tuple[float, float]:
     Its last coefficient is adjusted in the tenth digit, so that P(0) = 1/2 to rounding.
     """
     size = min(abs(v), _FASTEST)
+    # The series needs t >= 0: it is evaluated for |v|, and the other half follows from the exact
+    # sums.
     p = _INVERSE_ROOT * exp_of_negative(-0.5 * size * size)
     t = 1.0 / (1.0 + 0.2316419 * size)
     series = 1.781477937 + t * (-1.821255978 + t * 1.3302744303155003)
     tail = p * t * (0.319381530 + t * (-0.356563782 + t * series))
-    # Of the slower half the small number, of the faster one what is missing to the exact sum.
+    # The half-moments against the mean flow are small; those along it follow from the exact sums.
     against = max(p - size * tail, 0.0)
     mass = against + max(v, 0.0)
     below = max(tail - size * against, 0.0)
@@ -120,6 +122,7 @@ def face_factor(
     filled = min(before, here, after) > limits.vacuum
     low = here * fall * fall / before if filled else 1.0
     high = after / (rise * rise * here) if filled else 1.0
+    # exp of half the mean slope, half a cell: the fourth root of the product of both ratios.
     mean = math.sqrt(math.sqrt(low * high))
     rising = min(min(low, high), min(mean, _STEEPEST))
     falling = max(max(low, high), max(mean, 1.0 / _STEEPEST))
@@ -129,12 +132,12 @@ def face_factor(
 
 @inline_kernel
 def _slope(before: float, here: float, after: float, filled: bool, smooth: float) -> float:
-    """The limited slope of a carried quantity; none beside vacuum, where it has no value."""
-    return limited(here - before, after - here, _CARRIED_LIMIT, smooth) if filled else 0.0
+    """The limited slope of a advected quantity; none beside vacuum, where it has no value."""
+    return limited(here - before, after - here, _ADVECTED_LIMIT, smooth) if filled else 0.0
 
 
 @inline_kernel
-def _carried_outflow(
+def _advected_outflow(
     masses: tuple[float, float],
     centre: float,
     filled: bool,
@@ -144,7 +147,7 @@ def _carried_outflow(
     here: float,
     above: float,
 ) -> tuple[float, float]:
-    """What leaves a cell of a carried quantity with these masses, upwards and downwards."""
+    """What leaves a cell of a advected quantity with these masses, upwards and downwards."""
     value = here * inverse[1]
     change = _slope(below * inverse[0], value, above * inverse[2], filled, smooth)
     return masses[0] * (value + change * (0.5 - centre)), masses[1] * (
@@ -171,16 +174,17 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
     mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))
     upper, lower = ratio * density * at_top, ratio * density * at_bottom
+    # Both outflows are cut alike where they would take nearly all of the cell.
     leaving, most = upper * mass_up + lower * mass_down, _LARGEST_PART * density
     share = most / leaving if leaving > most else 1.0
     up, down = share * upper * mass_up, share * lower * mass_down
-    carried_up, carried_down = map_fields(
-        _carried_outflow,
+    advected_up, advected_down = map_fields(
+        _advected_outflow,
         ((up, down), centre, filled, flux.smooth, inverse),
         (below[2:], here[2:], above[2:]),
     )
     along_up, along_down = share * upper * momentum_up, -share * lower * momentum_down
-    return (up, along_up, *carried_up), (down, along_down, *carried_down)
+    return (up, along_up, *advected_up), (down, along_down, *advected_down)
 
 
 register_flux(Kinetic, kinetic_outflow)

@@ -31,8 +31,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ellipsoid_coupling.compiled.jit import cache_home
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.files.cache import cache_home
 from ellipsoid_coupling.files.limits import (
     BYTES_PER_FLUID_CELL,
     MOST_CASE_FILE_BYTES,

@@ -18,28 +18,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    for_each,
-    kernel,
-    shares,
-    view_kernel,
-)
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.simd_sums import sum_rows
+from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
+from ellipsoid_coupling.compiled.tuning import SERIES_TASKS
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
 
-# Angles sampled per harmonic kept: three per wave of the highest harmonic kept, in each angle.
+# Angles sampled per harmonic of the series: three per wave of its highest harmonic, in each angle.
 OVERSAMPLING = 6
 LEAST_ANGLES = 64
-# The search looks at some of the distances only; what it finds is checked on all of them.
+# The search for the length of the series looks at some distances; its result is checked on all of them.
 SEARCH_DISTANCES = 32
 # From this error on it falls by ever less a harmonic (measured at aspects up to 20).
 SLOWING = 0.5
-# Distances are dealt out in so many tasks at most.
-_TASKS = 64
 
 
 class AngularSeries(NamedTuple):
@@ -84,6 +78,7 @@ def angular_series(
     tolerance * max(density) * eps0 h^2 * norm anywhere, for any field of angles.
     """
     squares, offsets = _distances(shape, h)
+    # Some distances, evenly spaced: the search evaluates many lengths.
     few = slice(None, None, max(1, squares.size // SEARCH_DISTANCES))
     # Both slopes of the potential and, unless circles, dU/dtheta.
     entries = (1, 2) if shape.shape_factor == 0.0 else (1, 2, 3)
@@ -95,6 +90,7 @@ def angular_series(
         return float(np.max(errors / np.where(norms > 0.0, norms, 1.0)))
 
     harmonics = _first_within(error, tolerance, most)
+    # A distance between those of the search may need one harmonic more.
     while harmonics <= most:
         whole = _expand(shape, h * np.sqrt(squares), harmonics, entries, True)
         norms, errors = offsets @ whole.peaks, offsets @ whole.misses
@@ -115,6 +111,7 @@ def _first_within(error: Callable[[int], float], tolerance: float, most: int) ->
     low, high, before = -1, 0, np.inf
     while (now := error(high)) > tolerance:
         if now < SLOWING and before < np.inf:
+            # Decay of the logarithm of the error, a harmonic; it only slows down.
             pace = max(np.log(before / now), 0.0) / (high - low)
             if np.log(now / tolerance) > 2.0 * pace * (most - high):
                 return most + 1
@@ -130,6 +127,7 @@ def _first_within(error: Callable[[int], float], tolerance: float, most: int) ->
 def _distances(shape: PotentialShape, h: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Squared distances in cells that offsets within reach have, and how many offsets have each."""
     widths = half_widths(shape, h)
+    # All offsets of the disc, sorted by distance: one expansion serves all of one distance.
     reach = np.arange(1 - widths.size, widths.size)
     squares = reach[:, None] ** 2 + reach**2
     inside = np.abs(reach) <= widths[np.abs(reach)][:, None]
@@ -138,7 +136,7 @@ def _distances(shape: PotentialShape, h: float) -> tuple[NDArray[np.int64], NDAr
 
 
 class _Expansion(NamedTuple):
-    """Per distance: coefficients as in `AngularSeries`; largest force and torque, and errors."""
+    """At each distance coefficients as in `AngularSeries`; largest force and torque, and errors."""
 
     coefficients: Array
     peaks: Array
@@ -174,10 +172,12 @@ class _Lattice(NamedTuple):
 def _lattice(harmonics: int) -> _Lattice:
     functions = 2 * harmonics + 1
     angles = round_up_to_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
+    # The potential is pi-periodic in each angle, so half a turn is sampled.
     lattice = np.pi * np.arange(angles) / angles
     basis = np.zeros((round_up_to_vectors(functions), angles))
     angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
+    # Discrete orthogonality: the mean of 1 is twice that of cos^2 and sin^2.
     dual[0] *= 0.5
     columns = np.ascontiguousarray(basis[:functions].T)
     return _Lattice(lattice, dual[:functions].copy(), np.ascontiguousarray(dual.T), columns, basis)
@@ -191,15 +191,15 @@ def _expand(
     measured: bool,
 ) -> _Expansion:
     """Of these entries of `pair_potential`; with `measured`, peaks and misses as well."""
-    functions, found = 2 * harmonics + 1, len(entries) - 1 if measured else 0
+    functions, measures = 2 * harmonics + 1, len(entries) - 1 if measured else 0
     coefficients = np.empty((distances.size, len(entries), functions, functions))
-    peaks, misses = np.empty((2, distances.size, found))
-    parts = [slice(*part) for part in shares(distances.size, _TASKS)]
+    peaks, misses = np.empty((2, distances.size, measures))
+    parts = [slice(*part) for part in chunk_ranges(distances.size, SERIES_TASKS)]
     lattice, first = _lattice(harmonics), entries[0]
 
     def some(k: int) -> None:
         out = coefficients[parts[k]], peaks[parts[k]], misses[parts[k]]
-        _expand_some(distances[parts[k]], lattice, tuple(shape), first, out)
+        _expand_some(distances[parts[k]], lattice, shape, first, out)
 
     for_each(len(parts), some)
     return _Expansion(coefficients, peaks, misses)
@@ -209,37 +209,37 @@ def _expand(
 def _expand_some(
     distances: Array,
     lattice: _Lattice,
-    shape: tuple[float, ...],
+    shape: PotentialShape,
     first: int,
     out: tuple[Array, Array, Array],
 ) -> None:
-    """See `_Expansion`; entries of `pair_potential` from `first` on, peaks and misses if there is room."""
+    """See `_Expansion`, for entries of `pair_potential` from `first` on; no peaks where they are empty."""
     coefficients, peaks, misses = out
-    shape_factor, size, reach, bluntness = shape
-    constants = PotentialShape(shape_factor, size, reach, bluntness)
     components, functions = coefficients.shape[1:3]
     n, padded = lattice.angles.size, lattice.basis.shape[0]
     cosines, sines = np.empty(n), np.empty(n)
     for i in range(n):
         cosines[i], sines[i] = cos_sin(2.0 * lattice.angles[i])
-    # What one distance needs stays in cache.
+    # The arrays of one distance stay in cache.
     row, values, again = np.empty((4, n)), np.empty((components, n, n)), np.empty((n, n))
-    half, found = np.empty((functions, n)), np.empty((functions, padded))
+    half, series = np.empty((functions, n)), np.empty((functions, padded))
     other = np.empty((n, padded))
     for k in range(distances.size):
         for i in range(n):
-            _sample_row(distances[k], (cosines[i], sines[i]), (cosines, sines), constants, row)
+            _sample_row(distances[k], (cosines[i], sines[i]), (cosines, sines), shape, row)
             for c in range(components):
                 _copy(row[first + c], values[c, i])
         if peaks.shape[1] > 0:
             _set_largest(values, peaks[k])
         for c in range(components):
+            # A_pq = dual values dual^T, a product of small matrices in cache.
             sum_rows(lattice.dual, values[c], half)
-            sum_rows(half, lattice.dual_columns, found)
+            sum_rows(half, lattice.dual_columns, series)
             for p in range(functions):
-                _copy(found[p], coefficients[k, c, p])
+                _copy(series[p], coefficients[k, c, p])
             if peaks.shape[1] > 0:
-                sum_rows(lattice.basis_columns, found, other)
+                # The series at the lattice; its difference from the samples is the error.
+                sum_rows(lattice.basis_columns, series, other)
                 sum_rows(other, lattice.basis, again)
                 for i in range(n):
                     _subtract(again[i], values[c, i])
@@ -247,19 +247,19 @@ def _expand_some(
             _set_largest(values, misses[k])
 
 
-@view_kernel
+@kernel(noalias=True)
 def _copy(row: Array, out: Array) -> None:
     for j in range(out.size):
         out[j] = row[j]
 
 
-@view_kernel
+@kernel(noalias=True)
 def _subtract(row: Array, out: Array) -> None:
     for j in range(out.size):
         out[j] -= row[j]
 
 
-@view_kernel
+@kernel(noalias=True)
 def _set_largest(values: Array, out: Array) -> None:
     """Largest length of the force and largest torque over all angles: out (1 or 2,)."""
     force, torque = 0.0, 0.0
@@ -273,7 +273,7 @@ def _set_largest(values: Array, out: Array) -> None:
         out[1] = torque
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _sample_row(
     distance: float,
     target: tuple[float, float],
@@ -295,7 +295,7 @@ def _sample_row(
 def angular_basis(angle: Array, out: NDArray[np.floating]) -> None:
     """b_p(angle) of every cell: `angle` (ny, nx) to `out` (2M + 1, ny, nx), single or double.
 
-    The multiples follow by turning on, cos 2(k+1)a = cos 2ka cos 2a - sin 2ka sin 2a, in double.
+    Multiples follow by adding angles, cos 2(k+1)a = cos 2ka cos 2a - sin 2ka sin 2a, in double.
     """
     for i in range(angle.shape[0]):
         row = angle[i]
@@ -304,6 +304,7 @@ def angular_basis(angle: Array, out: NDArray[np.floating]) -> None:
             c2[j], s2[j] = cos_sin(2.0 * row[j])
         cosine, sine = c2.copy(), s2.copy()
         out[0, i] = 1.0
+        # Rounding of this recurrence grows like k eps: 1e-14 for the longest series.
         for k in range(1, out.shape[0] // 2 + 1):
             even, uneven = out[2 * k - 1, i], out[2 * k, i]
             for j in range(c2.size):

@@ -1,8 +1,8 @@
-"""Transforms as long as the mass needs: spectra for one length of a ladder at a time.
+"""Transform lengths that fit the cells with mass, and a kernel's spectra for them.
 
-Mass in a part of the grid needs shorter transforms than mass all over it. Each length of the ladder
-is some 0.8 of the next longer one, so that about a fifth at most is wasted along an axis, a third
-where both directions are put on one rung.
+Mass in a part of the grid needs shorter transforms than mass all over it. Lengths are taken from a fixed
+series, each some 0.8 of the next longer one, so that about a fifth at most is wasted along an axis, a
+third where both directions take one step of the series.
 """
 
 from __future__ import annotations
@@ -12,16 +12,11 @@ from typing import Protocol
 
 from scipy import fft
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import (
-    Lengths,
-    Precision,
-    Real,
-    Spectra,
-)
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.interaction.convolution.spectra import Lengths, Precision, Real, Spectra
 
-# The last rung is a tenth of the longest.
-_STEP, _RUNGS = 0.8, 11
+# The series ends at a tenth of the longest length.
+_RATIO, _LENGTHS = 0.8, 11
 
 
 class Transformable(Protocol):
@@ -38,13 +33,13 @@ class Transformable(Protocol):
         """Overwrite `blocks` of this shape."""
 
 
-class Ladder:
+class FittedSpectra:
     """Spectra of a kernel for the lengths that occupied cells need, made when they are asked for.
 
-    The last one is kept, and its memory for the next: new memory takes longer than the transform. A
-    cloud that grows passes each length once; where lengths are asked for again, as by one whose edge
-    wavers, the last two are kept. Which lengths are taken follows from the numbers asked for alone,
-    not from what was asked before, so that a resumed run computes the same bits.
+    The last spectra are kept; their memory goes to the next ones, since new memory takes longer than the
+    transform. A growing cloud passes each length once. Where a length is asked for again, as by a
+    cloud whose edge moves to and fro, the last two are kept. Lengths follow from the numbers asked for
+    alone, not from what was asked before, so that a resumed run computes the same bits.
 
     Parameters
     ----------
@@ -63,27 +58,30 @@ class Ladder:
     def __init__(self, cells: Lengths, reach: int, kernel: Transformable) -> None:
         self.longest = longest_lengths(cells, reach)
         self._reach, self._kernel = reach, kernel
-        self._kept: dict[Lengths, tuple[Spectra, KeptArrays]] = {}
+        # The one that was asked for last is the last one.
+        self._stored: dict[Lengths, tuple[Spectra, BufferPool]] = {}
         self._made: set[Lengths] = set()
 
-    def fitting(self, rows: int, columns: int) -> Spectra:
-        """For a rectangle of so many occupied cells; the next other one may overwrite them."""
+    def for_cells(self, rows: int, columns: int) -> Spectra:
+        """For a rectangle of occupied cells; later calls may overwrite the spectra."""
         lengths = fitting_lengths((rows + self._reach, columns + self._reach), self.longest)
-        kept = self._kept.pop(lengths) if lengths in self._kept else self._make(lengths)
-        self._kept[lengths] = kept
-        return kept[0]
+        stored = self._stored.pop(lengths) if lengths in self._stored else self._make(lengths)
+        self._stored[lengths] = stored
+        return stored[0]
 
-    def _make(self, lengths: Lengths) -> tuple[Spectra, KeptArrays]:
+    def _make(self, lengths: Lengths) -> tuple[Spectra, BufferPool]:
         again = lengths in self._made
         self._made.add(lengths)
-        full = len(self._kept) == 2 or (len(self._kept) == 1 and not again)
-        room = self._kept.pop(next(iter(self._kept)))[1] if full else KeptArrays()
+        # Two are stored only once a length is asked for again: spectra are the largest arrays of a
+        # run.
+        full = len(self._stored) == 2 or (len(self._stored) == 1 and not again)
+        pool = self._stored.pop(next(iter(self._stored)))[1] if full else BufferPool()
         kernel = self._kernel
-        # Memory for the longest: what is not written to costs nothing.
-        room.array("blocks", kernel.block_shape(self.longest), kernel.precision)
-        blocks = room.array("blocks", kernel.block_shape(lengths), kernel.precision)
+        # Memory for the longest: pages that are not written to cost nothing.
+        pool.array("blocks", kernel.block_shape(self.longest), kernel.precision)
+        blocks = pool.array("blocks", kernel.block_shape(lengths), kernel.precision)
         kernel.transform(lengths, blocks)
-        return Spectra(blocks, lengths), room
+        return Spectra(blocks, lengths), pool
 
 
 def longest_lengths(cells: Lengths, reach: int) -> Lengths:
@@ -97,26 +95,28 @@ def padded_length(cells: int, reach: int) -> int:
 
 
 def fitting_lengths(needed: Lengths, longest: Lengths) -> Lengths:
-    """The shortest fast even lengths, `_STEP**rung` of the longest ones, that hold what is needed.
+    """The shortest fast even lengths, `_RATIO**k` of the longest ones, that hold what is needed.
 
-    Rungs of both directions that are next to each other become one, so that a cloud that grows
-    alike in both passes each rung once.
+    Where k differs by one between both directions, both take the smaller k, so that a cloud that grows
+    alike in both passes each k once.
     """
-    rungs = [_rung(least, most) for least, most in zip(needed, longest, strict=True)]
-    if abs(rungs[0] - rungs[1]) <= 1:
-        rungs = [min(rungs)] * 2
-    return _length(rungs[0], longest[0]), _length(rungs[1], longest[1])
+    steps = [_step(least, most) for least, most in zip(needed, longest, strict=True)]
+    # A cloud grows by a cell in x before it does in y: without this each step would make new
+    # spectra.
+    if abs(steps[0] - steps[1]) <= 1:
+        steps = [min(steps)] * 2
+    return _length(steps[0], longest[0]), _length(steps[1], longest[1])
 
 
-def _length(rung: int, longest: int) -> int:
-    if rung == 0:
+def _length(step: int, longest: int) -> int:
+    if step == 0:
         return longest
-    return 2 * fft.next_fast_len(math.ceil(longest * _STEP**rung / 2), real=True)
+    return 2 * fft.next_fast_len(math.ceil(longest * _RATIO**step / 2), real=True)
 
 
-def _rung(needed: int, longest: int) -> int:
-    """The last one whose length still holds what is needed."""
-    rung = 0
-    while rung + 1 < _RUNGS and _length(rung + 1, longest) >= needed:
-        rung += 1
-    return rung
+def _step(needed: int, longest: int) -> int:
+    """The largest k whose length holds `needed`."""
+    step = 0
+    while step + 1 < _LENGTHS and _length(step + 1, longest) >= needed:
+        step += 1
+    return step

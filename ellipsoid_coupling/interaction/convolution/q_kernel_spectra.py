@@ -9,8 +9,8 @@ Angle cells are centred on multiples of their width, so that y -> -y maps cell a
 
     K_ab(k_x, -k_y) = +-K_{-a,-b}(k_x, k_y)
 
-and ky >= 0 is enough. Mass that fills a part of the grid needs shorter transforms only: the sampled
-kernels are kept (`AngleKernels`), and transformed to one length of a `Ladder` at a time.
+and ky >= 0 is enough (`spectra`). Mass that fills a part of the grid needs shorter transforms only: the
+sampled kernels stay in memory, and are transformed to the lengths that `fft_lengths` asks for.
 """
 
 from __future__ import annotations
@@ -22,16 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel
-from ellipsoid_coupling.compiled.simd_sums import sum_rows
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.convolution.fft_lengths import longest_lengths
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import (
-    Indices,
+from ellipsoid_coupling.interaction.convolution.spectra import (
     Lengths,
     Precision,
     Real,
-    deal_out,
     lines_and_lanes,
+    transform_blocks,
+    waves,
 )
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential
@@ -79,7 +78,7 @@ class AngleKernels:
     quantity : "forces" or "potential"
         d/dx, d/dy and - unless circles - d/dtheta; or U.
     precision : np.float32 or np.float64
-        What the blocks are kept in; they are computed in double precision.
+        Of the blocks; they are computed in double precision.
 
     Attributes
     ----------
@@ -111,14 +110,17 @@ class AngleKernels:
         self._components = _POTENTIAL if quantity == "potential" else _FORCE + torque
         self.odd, self.mirrored = np.array([[c.odd, c.mirrored] for c in self._components]).T.copy()
         self._angles = n = distinct_angles(angles, shape)
+        # Checked before anything is made: the blocks are the largest arrays of a run.
         longest = longest_lengths((ny, nx), self.cells)
         _check_memory(self.block_shape(longest), grid_shape, precision)
+        # Twice the angle goes around once over the n of an even number of cells, twice over an odd one.
         double = 2.0 * np.pi * np.arange(n) / n * (2 if angles % 2 and n > 1 else 1)
         turned = np.cos(double), np.sin(double)
         offsets = widths.size, 2 * widths.size - 1
+        # Offsets with j >= 0 only; those with j < 0 are mirror images.
         self._samples = np.zeros((len(self._components), n, n, *offsets))
         for component, samples in zip(self._components, self._samples, strict=True):
-            _sample(h, widths, tuple(shape), *turned, component.entry, samples)
+            _sample(h, widths, shape, *turned, component.entry, samples)
         self._samples *= scale
 
     def block_shape(self, padded: Lengths) -> tuple[int, ...]:
@@ -131,19 +133,20 @@ class AngleKernels:
 
         Offsets with j < 0 mirror those with j > 0, which therefore count twice.
         """
-        cells, lanes = self._samples.shape[3] - 1, blocks.shape[5]
-        kx, ky = np.arange(blocks.shape[2] * lanes), np.arange(blocks.shape[0])
-        along = _waves(np.arange(-cells, cells + 1), kx, padded[1])
+        cells = self.cells
+        kx, ky = np.arange(blocks.shape[2] * blocks.shape[5]), np.arange(blocks.shape[0])
+        along = waves(np.arange(-cells, cells + 1), kx, padded[1])
         # Frequencies that only fill the last line.
         along[..., padded[1] // 2 + 1 :] = 0.0
-        by_turns = along.reshape(2, 2 * cells + 1, -1, lanes).transpose(1, 2, 0, 3)
-        cosine, sine = _waves(np.arange(cells + 1), ky, padded[0]).swapaxes(1, 2)
+        cosine, sine = waves(np.arange(cells + 1), ky, padded[0]).swapaxes(1, 2)
+        # j and -j give the same, but for j = 0.
         for wave in (cosine, sine):
             wave[:, 1:] *= 2.0
-        # cos(a + b) and sin(a + b) from those of a and b.
+        # cos(a + b) = cos a cos b - sin a sin b and sin(a + b) likewise: both kinds along x for each.
         across = np.array([np.hstack([cosine, -sine]), np.hstack([sine, cosine])])
-        columns = by_turns.reshape(2 * cells + 1, -1)
-        _add_rows(self._samples, columns, across, self.odd, blocks)
+        which = np.zeros((*self._samples.shape[:3], 2), np.int64)
+        which[..., 1] = self.odd[:, None, None]
+        transform_blocks(self._samples, along, across, which, blocks)
 
 
 def _check_memory(
@@ -160,54 +163,20 @@ def _check_memory(
 
 
 @parallel_kernel
-def _add_rows(samples: Array, along: Array, across: Array, odd: Indices, blocks: Real) -> None:
-    """block[ky, c, a] = sum_j across[odd, ky, j] . sum_i along[i, kx] samples[c, a, b, j, i].
-
-    along : (2 R + 1, twice kx), a line of cosines and one of sines by turns; across : (2, ky, twice
-    R + 1), the parity first.
-    """
-    components, n, cells = samples.shape[0], samples.shape[1], samples.shape[3]
-    lines, lanes = blocks.shape[2], blocks.shape[5]
-    for task in numba.prange(components * n):
-        c, a = task // n, task % n
-        # All that one target angle needs stays in cache while ky runs, in the order of the blocks.
-        parts = np.empty((2 * lines, cells, n, lanes))
-        room = np.empty((cells, along.shape[1]))
-        for b in range(n):
-            sum_rows(samples[c, a, b], along, room)
-            deal_out(room, parts[:, :, b])
-        sums = np.empty((blocks.shape[0], n * lanes))
-        for line in range(lines):
-            both = parts[2 * line : 2 * line + 2].reshape(2 * cells, n * lanes)
-            sum_rows(across[odd[c]], both, sums)
-            for ky in range(blocks.shape[0]):
-                blocks[ky, c, line, a].ravel()[:] = sums[ky]
-
-
-def _waves(offsets: Indices, frequency: Indices, length: int) -> Array:
-    """Cosine and sine of every offset at every frequency, (2, offsets, frequencies)."""
-    # Whole turns are taken off in integers, so that nothing is lost to rounding.
-    phase = 2.0 * np.pi / length * (offsets[:, None] * frequency % length)
-    return np.array([np.cos(phase), np.sin(phase)])
-
-
-@parallel_kernel
 def _sample(
     h: float,
     widths: NDArray[np.int64],
-    shape: tuple[float, ...],
+    shape: PotentialShape,
     cosines: Array,
     sines: Array,
     entry: int,
     out: Array,
 ) -> None:
     """One entry of `pair_potential` at the offsets (j, i), j >= 0: out[a, b, j, R + i]."""
-    shape_factor, size, reach, bluntness = shape
     n = cosines.size
     for task in numba.prange(out.shape[2] * n):
         j, a = task // n, task % n
-        constants = PotentialShape(shape_factor, size, reach, bluntness)
-        _sample_offsets((h, j, widths[j], entry), (cosines, sines), a, constants, out[a, :, j])
+        _sample_offsets((h, j, widths[j], entry), (cosines, sines), a, shape, out[a, :, j])
 
 
 @kernel

@@ -54,7 +54,7 @@ def cell_grid(x_range: tuple[float, float], y_range: tuple[float, float], reach:
 
 @inline_kernel
 def _clamped(place: float, most: int) -> int:
-    """`place`, in cells, within [0, most]; 0 for what is no number."""
+    """The cell of `place`, in cells, within [0, most]; 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
     index = 0
     if place >= most:
@@ -79,9 +79,11 @@ def sort_into(
     """Counting sort by cell, stable; overwrites `sources` and where each particle went (n,)."""
     records, first = sources
     first[:] = 0
+    # Count, running sum, place: two passes over the particles, and no comparison of them.
     for i in range(x.size):
         rank[i] = cell_index(x[i], y[i], grid)
         first[rank[i] + 1] += 1
+    # first[c + 1] is the count of cell c; summed up it is where cell c + 1 begins.
     for c in range(first.size - 1):
         first[c + 1] += first[c]
     free = first[:-1].copy()
@@ -121,6 +123,7 @@ def gather(sources: Sources, column: int, row: int, grid: CellGrid, buffer: Floa
     high = min(column + CELLS_PER_REACH, grid.columns - 1)
     count = 0
     for r in range(max(row - CELLS_PER_REACH, 0), min(row + CELLS_PER_REACH, grid.rows - 1) + 1):
+        # Neighbouring columns of a row are one contiguous run of the sorted particles.
         begin = sources.first[r * grid.columns + low]
         end = sources.first[r * grid.columns + high + 1]
         count = copy_run(sources.records, begin, end, buffer, count)

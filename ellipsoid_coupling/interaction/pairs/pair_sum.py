@@ -11,8 +11,8 @@ three contiguous runs; the cells before it have already met it:
         |   |   | t | 0 | 0 |
         +---+---+---+---+---+
 
-What a block of rows adds to the two rows above it is kept apart (`RowSums.above`), so that blocks can
-run side by side; the order of summation follows from the cells and the blocks alone.
+A block of rows writes its sums for the two rows above it to memory of its own (`RowSums.above`), so that
+blocks can run side by side. The order of summation follows from the cells and the blocks alone.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
-from ellipsoid_coupling.compiled.simd_sums import DOUBLES
+from ellipsoid_coupling.compiled.simd_vectors import DOUBLES
 from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
     CELLS_PER_REACH,
@@ -46,7 +46,7 @@ Integers = NDArray[np.int64]
 
 
 class Pairs(NamedTuple):
-    """What the particles' sum needs: force per mass and torque per inertia are `*_weight` times U's.
+    """Parameters of the pair sum: force per mass and torque per inertia are `*_weight` times U's.
 
     `torque_weight` is None for circles, `ghosts` is None without walls: neither is then compiled.
     """
@@ -75,9 +75,10 @@ class RowSums(NamedTuple):
 def sum_in_lanes(values: Floats) -> float:
     """The sum of whole vectors in eight interleaved parts, in a fixed order.
 
-    One running sum would wait for each addition, and a compiler that may reorder it rounds as it
-    likes.
+    One running sum would wait for each addition, and a compiler that may reorder it may round
+    differently each time.
     """
+    # Eight sums, as wide as the widest vector.
     s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(0, values.size - values.size % 8, 8):
         s0 += values[j]
@@ -93,12 +94,13 @@ def sum_in_lanes(values: Floats) -> float:
 
 @kernel
 def scratch(sources: Sources) -> tuple[Floats, Floats]:
-    """For `gather` and `sum_over_sources`: a buffer (4, m) and what it gives (3, m), m > n."""
-    room = sources.records.shape[0] + DOUBLES
-    return np.zeros((RECORD, room)), np.empty((3, room))
+    """For `gather` and `sum_over_sources`: a buffer (4, m) of sources and their gradients (3, m), m > n."""
+    # Loops go on to the end of a vector.
+    size = sources.records.shape[0] + DOUBLES
+    return np.zeros((RECORD, size)), np.empty((3, size))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _feel(
     target: tuple[float, float, float, float],
     others: Rows,
@@ -106,13 +108,14 @@ def _feel(
     count: int,
     shape: PotentialShape,
 ) -> None:
-    """What `count` others do to the target: `given`, 0 up to whole vectors behind the last one."""
+    """Gradients of U between the target and `count` others: `given`, then 0 to the end of a vector."""
     x, y, c2, s2 = target
     for j in range(round_up_to_vectors(count)):
         other = load(others, j)
         _, by_x, by_y, by_theta = pair_potential(
             other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
         )
+        # Masked instead of a remainder loop; beyond `count` the buffer holds old numbers.
         met = j < count
         store(given, j, (by_x if met else 0.0, by_y if met else 0.0, by_theta if met else 0.0))
 
@@ -134,7 +137,7 @@ def sum_over_sources(
     return sum_in_lanes(given[0, :end]), sum_in_lanes(given[1, :end]), sum_in_lanes(given[2, :end])
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _meet(
     target: tuple[float, float, float, float],
     others: Rows,
@@ -143,9 +146,9 @@ def _meet(
     count: int,
     shape: PotentialShape,
 ) -> None:
-    """What `count` others do to the target, (dU/dx, dU/dy, dU/dtheta), and add what they feel in turn.
+    """Gradients of U between the target and `count` others, and, added to `felt`, of the others in turn.
 
-    given : 0 up to whole vectors behind the last one.
+    given : (dU/dx, dU/dy, dU/dtheta), 0 from `count` to the end of a vector.
     """
     x, y, c2, s2 = target
     for j in range(round_up_to_vectors(count)):
@@ -165,6 +168,7 @@ def _meet_the_rest(
     t: int, count: int, buffer: Floats, felt: Floats, given: Floats, shape: PotentialShape
 ) -> None:
     """Pairs of the buffer's particle t with those behind it, up to `count`."""
+    # Each pair once: a target meets those behind it.
     rest = t + 1
     end = round_up_to_vectors(count - rest)
     _meet(
@@ -175,6 +179,7 @@ def _meet_the_rest(
         count - rest,
         shape,
     )
+    # To the gradients that pairs with particles before the target have added already.
     for k in range(3):
         felt[k, t] += sum_in_lanes(given[k, :end])
 
@@ -215,6 +220,7 @@ def _add_cell(
 ) -> None:
     """All pairs of a cell's particles with each other and those behind them."""
     buffer, felt, given, runs = work
+    # The cell's own particles come first in the first run.
     here, _ = _runs(cell, row, sources, pairs.grid, runs)
     count = 0
     for r in range(here):
@@ -227,6 +233,8 @@ def _add_cell(
     count = 0
     for r in range(here):
         begin, end = runs[r]
+        # Runs in the rows above the block go to memory of their own: another block owns those
+        # particles.
         if begin < sums.end:
             count = _add_felt(felt, begin, end, count, sums.own, 0)
         else:
@@ -243,7 +251,7 @@ def _add_ghosts(
     work: tuple[Floats, Floats] | None,
     sums: RowSums,
 ) -> None:
-    """What the walls' ghosts do to a cell's particles."""
+    """Add the sums over the walls' ghosts to those of a cell's particles."""
     if ghosts is not None and work is not None:
         buffer, given = work
         count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, buffer)
@@ -281,6 +289,7 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     own[start:end] = 0.0
     runs = np.empty((CELLS_PER_REACH + 1, 2), np.int64)
     most = 0
+    # The longest buffer that any cell of the block needs, made once.
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             most = max(most, _runs(cell, row, sources, grid, runs)[1])

@@ -2,7 +2,7 @@
 
     parts of particles    axes, fluid, outer potentials
     all                   sorted by cell
-    blocks of rows        pair sums, what they add to the rows above them kept apart, then added
+    blocks of rows        pair sums; those for the rows above a block are added afterwards
     parts of particles    the sums, brought back to the particles
 
 Parts and blocks follow from the particles, not from the number of threads, and so do all bits.
@@ -15,7 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel, shares
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
+from ellipsoid_coupling.compiled.tuning import CLOUD_TASKS, PARTICLES_PER_TASK
 from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes, still_frozen
 from ellipsoid_coupling.interaction.pairs.cells import RECORD, CellGrid, Sources, sort_into
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, RowSums, add_sums, sum_rows
@@ -24,16 +26,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.uint8]
 
-# From so many particles on a realisation has all threads; with fewer, realisations share them.
-LEAST_LARGE = 5000
-
-# A task has at least so many particles (some 0.7 ms of pair sums), and there are at most so many.
-_LEAST_PER_TASK = 1250
-_MOST_TASKS = 32
-
 
 class LargeCloud:
-    """Sets the drift of a cloud of `number` particles; owns what that needs besides.
+    """Sets the drift of a cloud of `number` particles; owns the memory that this needs.
 
     Parameters
     ----------
@@ -42,9 +37,11 @@ class LargeCloud:
     """
 
     def __init__(self, drift: Drift, number: int) -> None:
+        # Everything but the pairs: it needs no neighbours, so that particles are cut into parts
+        # freely.
         self._alone = drift._replace(pairs=None)
         self._axis = np.empty((2, number))
-        self._parts = shares(number, _tasks(number))
+        self._parts = chunk_ranges(number, _tasks(number))
         self._outside = np.zeros(len(self._parts), np.int64)
         self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
 
@@ -69,6 +66,7 @@ class LargeCloud:
         if moving is None:
             pair_sum.add(place, self._axis, force)
         elif moving.size:
+            # Frozen particles neither act nor are acted on: the sum runs over a copy of the others.
             some = np.zeros((len(force), moving.size))
             axis = np.ascontiguousarray(self._axis[:, moving])
             fewer = PairSum(pair_sum.pairs, moving.size)
@@ -85,7 +83,7 @@ class PairSum:
         self._sources = Sources(np.empty((number, RECORD)), np.empty(cells + 1, np.int64))
         self._rank = np.empty(number, np.int64)
         self._own = np.empty((number, RECORD))
-        self._parts = shares(number, _tasks(number))
+        self._parts = chunk_ranges(number, _tasks(number))
 
     def add(self, place: Floats, axis: Floats, force: Floats) -> None:
         """Add the sums at places (D, N) with axes (2, N) to the drift (D, N)."""
@@ -98,6 +96,7 @@ class PairSum:
             above[k] = sum_rows(blocks[k], sources, pairs, own)
 
         for_each(len(blocks), block)
+        # In the order of the blocks, whichever thread was first.
         for sums in above:
             if sums is not None:
                 own[sums.end : sums.end + sums.above.shape[0]] += sums.above
@@ -105,7 +104,7 @@ class PairSum:
 
 
 def _tasks(number: int) -> int:
-    return min(_MOST_TASKS, max(number // _LEAST_PER_TASK, 1))
+    return min(CLOUD_TASKS, max(number // PARTICLES_PER_TASK, 1))
 
 
 def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
@@ -115,6 +114,7 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
     """
     until = sources.first[:: grid.columns]
     number = int(until[-1])
+    # Row numbers at which the running count of particles passes even parts of all.
     wanted = np.arange(1, _tasks(number)) * (number / _tasks(number))
     cuts = [0]
     for row in np.searchsorted(until, wanted):

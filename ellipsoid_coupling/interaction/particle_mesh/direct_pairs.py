@@ -3,14 +3,15 @@
     force_i = -eps0/S sum_j grad_r U(r_i, r_j, theta_i, theta_j),    torque_i with dU/dtheta
 
 The work grows like S^2, but not with the steepness of the potential: for few samples, and for slender
-particles, whose series in the angles never ends (`sample_forces`).
+particles, whose series in the angles never ends (`forces`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.jit import for_each, kernel
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
@@ -64,7 +65,9 @@ class SamplePairs:
         grid = self._grid
         own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
         sums = np.zeros((3, x.size))
+        # A task is a row of cells, which writes the sums of its own samples only.
         for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
+        # Back from the order of the cells to that of the samples.
         sums = sums[:, rank]
         scale = -self._strength / x.size
         for d in range(degrees):
@@ -81,6 +84,7 @@ def _sum_row(
     sums: Array,
 ) -> None:
     """Gradients of U/eps0, summed over all sources, of the samples in one row of cells: (3, S)."""
+    # Empty rows are many where the cells cover more than the cloud.
     begin = row * grid.columns
     if own.first[begin] == own.first[begin + grid.columns]:
         return

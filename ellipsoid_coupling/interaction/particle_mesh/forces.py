@@ -5,7 +5,7 @@ Every one of S samples carries the mass 1/S, and lies in the potential of them a
     phi(r, theta) = eps0/S sum_j U(r, r_j, theta, theta_j)
     force_i = -grad_r phi(r_i, theta_i),    torque_i = -dphi/dtheta (r_i, theta_i)
 
-With U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular`), and K_pq replaced by its
+With U = sum_pq K_pq(delta) b_p(theta) b_q(thetabar) (`angular_series`), and K_pq replaced by its
 interpolating cubic spline in both positions on nodes h apart (B: cubic B-spline, four nodes wide),
 
     1. deposit       s_q(node)   = sum_j B(r_j - node) b_q(theta_j) / S
@@ -21,7 +21,7 @@ All forces and torques are slopes of one energy. The slope of the potential's sp
 force as the spline of the force, and one potential takes a third of the transforms. Action is reaction
 within the spline's error, to rounding for a smooth density.
 
-**What is kept.** Let rho be the largest density of samples (mass per area, whatever their angles).
+**Accuracy.** Let rho be the largest density of samples (mass per area, whatever their angles).
 Everywhere and for all angles
 
     |force  - exact|  <=  tolerance * rho * eps0 * int max_angles |grad_r U| d(delta)
@@ -29,7 +29,7 @@ Everywhere and for all angles
 
 The right-hand sides without the tolerance are the largest force and torque that such a density can
 exert; grids keep the same (`angular_series`). Half of the tolerance is for the series in the angles,
-half for the spline, from which follows how far apart the nodes are (`sample_nodes`). Rounding adds
+half for the spline, from which follows how far apart the nodes are (`nodes`). Rounding adds
 1e-6 in single precision, which is taken for tolerances from 1e-4 on.
 
 A few scattered samples have no density. Measured at aspect ratio 2 and tolerances of 2e-2 and 2e-3 (6.9
@@ -45,17 +45,13 @@ import math
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.convolution.angular_series import angular_series
-from ellipsoid_coupling.interaction.convolution.fft_lengths import Ladder
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import (
-    POTENTIAL,
-    AngularKernel,
-    Real,
-    precision_for,
-)
+from ellipsoid_coupling.interaction.convolution.fft_lengths import FittedSpectra
+from ellipsoid_coupling.interaction.convolution.kernel_spectra import POTENTIAL, AngularKernel
+from ellipsoid_coupling.interaction.convolution.spectra import Real, precision_for
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     MOST_ENTRIES,
@@ -128,6 +124,7 @@ class SampleInteraction:
         self.nodes_per_width = nodes_per_width(shape, width, tolerance)
         h = width / self.nodes_per_width
         area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0])
+        # Bounded before the series is searched: a long search takes minutes.
         most = min(most, most_harmonics(area / h**2, shape.reach / h))
         _require(most >= 0, shape, tolerance)
         self.nodes = _cover(x_range, y_range, h)
@@ -138,12 +135,13 @@ class SampleInteraction:
         self._precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
         kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL, _undo_splines)
-        ladder = Ladder((self.nodes.rows, self.nodes.columns), kernel.cells + _TAIL, kernel)
-        rows, columns = ladder.longest
+        cells = self.nodes.rows, self.nodes.columns
+        spectra = FittedSpectra(cells, kernel.cells + _TAIL, kernel)
+        rows, columns = spectra.longest
         bytes_each = np.dtype(self._precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
-        self._convolve = Convolution(ladder, self._precision, POTENTIAL)
-        self._room = KeptArrays()
+        self._convolve = Convolution(spectra, self._precision, POTENTIAL)
+        self._pool = BufferPool()
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
@@ -156,22 +154,24 @@ class SampleInteraction:
         force : (K, D, B)
             Per mass and per inertia.
         """
-        room, nodes = self._room, self.nodes
-        slots = room.array("slots", (place.shape[0] * place.shape[2],), np.int64)
-        here = sort_by_row(place, nodes, slots, room)
+        pool, nodes = self._pool, self.nodes
+        slots = pool.array("slots", (place.shape[0] * place.shape[2],), np.int64)
+        here = sort_by_row(place, nodes, slots, pool)
         if len(here.samples) == 0:
             return
         functions = 2 * self.harmonics + 1
-        sources = deposit(here, nodes, functions, 1.0 / slots.size, room)
+        # Masses 1/S of all samples, also of those that left the rectangle.
+        sources = deposit(here, nodes, functions, 1.0 / slots.size, pool)
         shape = *here.extent, round_up_to_vectors(functions)
-        potential: Real = room.array("potential", shape, self._precision)
+        potential: Real = pool.array("potential", shape, self._precision)
 
         def take(part: slice, fields: Real) -> None:
+            # Functions become the last axis: `interpolate` sums over them in vectors.
             potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
             potential[part, :, functions:] = 0.0
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
-        found = interpolate(here.samples, nodes, here.corner, potential, functions, room)
+        found = interpolate(here.samples, nodes, here.corner, potential, functions, pool)
         add_to(force, found, weights, slots)
 
 

@@ -1,6 +1,6 @@
 """How near each other the nodes of the samples' interaction must be, and how many harmonics fit.
 
-The norm is that of `sample_forces`. The spline's error in it was measured over all pairs of angles and
+The norm is that of `forces`. The spline's error in it was measured over all pairs of angles and
 all places of both particles between the nodes, for aspect ratios from 1 to 8. It falls faster than
 h^3 down to some 16 nodes a width, since finer and finer parts of the potential's steep flank come to
 be resolved, and like h^3 beyond: the slope of a cubic spline. At aspect ratios L/D above 5/4 it falls
@@ -58,7 +58,7 @@ def nodes_per_width(shape: PotentialShape, width: float, tolerance: float) -> fl
     allowed = SPLINE_PART * tolerance * slender ** (2.0 / 3.0)
     if allowed < _ERRORS[-1]:
         return float(_NODES[-1] * (_ERRORS[-1] / allowed) ** (1.0 / _ORDER))
-    # np.interp wants rising places, and takes the first value beyond them.
+    # np.interp wants rising abscissae, and takes the first value beyond them.
     falling = np.interp(-math.log(allowed), -np.log(_ERRORS), np.log(_NODES))
     return float(np.exp(falling))
 

@@ -20,8 +20,8 @@ from ellipsoid_coupling.scenes import Scene
 
 # How far beyond an open domain samples interact, in ranges of the potential.
 _RANGES_BEYOND = 2.0
-# Up to so many pairs within reach (2 ms on one thread) harmonics never pay: they take that for their
-# transforms, however short.
+# Pairs within reach (2 ms on one thread) up to which harmonics never pay: their transforms take as long,
+# however short they are.
 _FEW_PAIRS = 3e5
 
 
@@ -42,7 +42,7 @@ class Samples(NamedTuple):
     number : int
         How many there are.
     tolerance : float
-        `numerics.harmonics_tolerance`; what is kept stands in `sample_forces`.
+        `numerics.harmonics_tolerance`; see `forces` for the bounds that hold.
     method : "auto", "direct" or "harmonics"
     """
 
@@ -58,7 +58,7 @@ class Samples(NamedTuple):
 
 
 def scene_samples(scene: Scene, number: int) -> Samples | None:
-    """Of a scene with so many samples; None without interaction."""
+    """Of a scene with `number` samples; None without interaction."""
     if scene.interaction is None:
         return None
     particles, domain, start = scene.particles, scene.domain, scene.start

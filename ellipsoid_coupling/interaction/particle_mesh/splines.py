@@ -1,7 +1,7 @@
-"""Samples to nodes and back by cubic B-splines: the compiled part of `sample_forces`.
+"""Samples to nodes and back by cubic B-splines: the compiled part of `forces`.
 
-Samples are sorted by row and dealt out in equal parts, each of which deposits into a window of its
-own; the windows are added up in a fixed order, so that any number of threads gives the same bits.
+Samples are sorted by row and cut into equal parts, each of which deposits into its own window of rows;
+the windows are added up in a fixed order, so that any number of threads gives the same bits.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.compiled.jit import for_each, inline_kernel, kernel, shares, view_kernel
+from ellipsoid_coupling.compiled.buffers import BufferPool
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.simd_sums import Four, add_stencil, sum_stencil
-from ellipsoid_coupling.interaction.convolution.kernel_spectra import Indices, Real
+from ellipsoid_coupling.compiled.simd_stencils import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
+from ellipsoid_coupling.compiled.tuning import (
+    DEPOSIT_WINDOWS,
+    LEAST_DEPOSITED,
+    LEAST_INTERPOLATED,
+    LEAST_SORTED,
+    SAMPLE_PARTS,
+    SAMPLES_AT_ONCE,
+)
+from ellipsoid_coupling.interaction.convolution.spectra import Indices, Real
 from ellipsoid_coupling.interaction.grid_forces import Array
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 # Nodes about a point in each direction.
 STENCIL = 4
-# Samples are dealt out in this many parts at most, whatever the number of threads, ...
-PARTS = 32
-# ... to be deposited in fewer: every part has rows of nodes of its own, which are memory to go through.
-_WINDOWS = 8
-# A part has so many at least: to wake a thread takes as long as to sort or to spread those.
-_LEAST_SORTED, _LEAST_SPREAD = 20_000, 2_500
-# So many samples' b_p are written before the first is read: loading a vector waits for all of the
-# single numbers that were last stored there.
-_BATCH = 32
 
 
 class Nodes(NamedTuple):
@@ -101,7 +101,7 @@ def _count_rows(
 def _fill_slots(
     place: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
 ) -> None:
-    """Put every sample where its row's next one belongs; `slots` tells where that is."""
+    """Copy each sample to the next free place of its row, which is also written to `slots`."""
     size = place.shape[2]
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
@@ -143,11 +143,11 @@ class Sorted(NamedTuple):
     extent: tuple[int, int]
 
 
-def sort_by_row(place: Array, nodes: Nodes, slots: Indices, room: KeptArrays) -> Sorted:
-    """Sort the samples; what lies beyond the nodes is left out.
+def sort_by_row(place: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
+    """Sort the samples by row, without those beyond the nodes.
 
-    A stable counting sort, so that whatever is done in this order, and what follows in the former
-    one, goes through memory row by row.
+    A stable counting sort: work in sorted order, and the way back to the former order, go through
+    memory row by row.
 
     Parameters
     ----------
@@ -155,17 +155,18 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices, room: KeptArrays) ->
     nodes : Nodes
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
-    room : KeptArrays
-        What the samples are copied to, until the next call.
+    pool : BufferPool
+        Holds the sorted samples until the next call.
     """
-    blocks = shares(len(place), min(PARTS, slots.size // _LEAST_SORTED))
+    blocks = chunk_ranges(len(place), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
+    # Each part counts and then fills for itself: no two threads write to one place.
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     columns = np.empty((len(blocks), 2), np.int64)
     for_each(
         len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k], columns[k])
     )
     begin: Indices = _set_starts(counts)
-    samples = room.array("samples", (begin[-1], place.shape[1]), np.float64)
+    samples = pool.array("samples", (begin[-1], place.shape[1]), np.float64)
     for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
     rows = np.flatnonzero(np.diff(begin))
     if rows.size == 0:
@@ -178,8 +179,8 @@ def sort_by_row(place: Array, nodes: Nodes, slots: Indices, room: KeptArrays) ->
 
 
 def add_to(force: Array, found: Array, weights: tuple[float, float], slots: Indices) -> None:
-    """Add what was found, (n, components) in sorted order, to the samples' drift (K, D, B)."""
-    blocks = shares(len(force), min(PARTS, slots.size // _LEAST_SORTED))
+    """Add forces `found`, (n, components) in sorted order, to the samples' drift (K, D, B)."""
+    blocks = chunk_ranges(len(force), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
     for_each(len(blocks), lambda k: _add_some(force, found, weights, slots, blocks[k]))
 
 
@@ -194,6 +195,7 @@ def _add_some(
     size = force.shape[2]
     for k in range(blocks[0], blocks[1]):
         for c in range(min(found.shape[1], force.shape[1])):
+            # 1/I_c for the torque, 1/m for both forces.
             weight = weights[1] if c == 2 else weights[0]
             for j in range(size):
                 slot = slots[k * size + j]
@@ -201,9 +203,9 @@ def _add_some(
                     force[k, c, j] += weight * found[slot, c]
 
 
-@view_kernel
+@kernel(noalias=True)
 def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> None:
-    """Write b_p of every sample's angle, and db_p/dtheta where `bases` has room for it.
+    """Write b_p of every sample's angle, and db_p/dtheta unless `bases` has one row only.
 
     Samples without an angle have the angle 0.
 
@@ -214,12 +216,14 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
     if functions == 1:
         return
     cosines, sines = waves[0], waves[1]
+    # For all samples first, in a loop that vectorises; the recurrences below do not.
     for i in range(samples.shape[0]):
         cosines[i], sines[i] = cos_sin(2.0 * samples[i, 2]) if samples.shape[1] == 3 else (1.0, 0.0)
     last = functions // 2
     for i in range(samples.shape[0]):
         c2, s2 = cosines[i], sines[i]
-        # Odd and even multiples turn on side by side: each product waits for the one before.
+        # Two recurrences side by side, of odd and of even multiples: each product waits for the one
+        # before it.
         c4, s4 = c2 * c2 - s2 * s2, 2.0 * s2 * c2
         cosine, sine, even_cosine, even_sine = c2, s2, c4, s4
         basis, slopes = bases[i, 0], bases[i, bases.shape[1] - 1]
@@ -242,7 +246,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
 
 
 @inline_kernel
-def _place(x: float, y: float, nodes: Nodes) -> tuple[int, int, float, float]:
+def _position(x: float, y: float, nodes: Nodes) -> tuple[int, int, float, float]:
     """First row and column of a sample's four by four nodes, and how far it is beyond the second."""
     across = (x - nodes.x_low) * nodes.inverse_h
     up = (y - nodes.y_low) * nodes.inverse_h
@@ -264,41 +268,44 @@ class Windows(NamedTuple):
 
 
 def windows_of(begin: Indices) -> Windows:
-    """For samples whose rows begin there, dealt out in equal parts."""
-    count = max(1, min(_WINDOWS, int(begin[-1]) // _LEAST_SPREAD))
+    """Equal parts of the samples whose rows begin there, and the windows they deposit into."""
+    # Equal numbers of samples, not of rows: clouds are denser in the middle.
+    count = max(1, min(DEPOSIT_WINDOWS, int(begin[-1]) // LEAST_DEPOSITED))
     parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
     )
+    # A window has the rows that its samples' stencils reach.
     used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
 
-def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, room: KeptArrays) -> Array:
-    """s_q at the nodes of all stencils, (functions, *here.extent); kept in `room`.
+def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, pool: BufferPool) -> Array:
+    """s_q at the nodes of all stencils, (functions, *here.extent); in `pool`.
 
-    Every part of the samples deposits into rows of its own; these are added up in the parts' order.
+    Each part of the samples deposits into its own rows; these are added up in the order of the parts.
     """
     samples, begin, corner, extent = here
     windows = windows_of(begin)
     parts, first, offsets = windows
     shape = int(offsets[-1]), extent[1], round_up_to_vectors(functions)
-    partial = room.array("windows", shape, np.float64)
+    partial = pool.array("windows", shape, np.float64)
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
+        # Rows count from the window's first, columns from the first of all stencils.
         some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
-        work = np.empty((2, _BATCH)), np.zeros((_BATCH, 1, window.shape[2]))
+        work = np.empty((2, SAMPLES_AT_ONCE)), np.zeros((SAMPLES_AT_ONCE, 1, window.shape[2]))
         _deposit(some, at, nodes, functions, work, window)
 
     for_each(first.size, put)
-    sources = room.array("sources", (functions, *extent), np.float64)
-    rows = shares(extent[0], first.size)
+    sources = pool.array("sources", (functions, *extent), np.float64)
+    rows = chunk_ranges(extent[0], first.size)
     for_each(len(rows), lambda k: _add_windows(partial, windows, mass, corner[0], rows[k], sources))
     return sources
 
 
-@view_kernel
+@kernel(noalias=True)
 def _deposit(
     samples: Array,
     corner: tuple[int, int],
@@ -309,11 +316,11 @@ def _deposit(
 ) -> None:
     waves, bases = work
     window[:] = 0.0
-    for begin in range(0, samples.shape[0], _BATCH):
-        some = samples[begin : begin + _BATCH]
+    for begin in range(0, samples.shape[0], SAMPLES_AT_ONCE):
+        some = samples[begin : begin + SAMPLES_AT_ONCE]
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
-            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            row, column, up, across = _position(some[i, 0], some[i, 1], nodes)
             along_y, along_x = _spline_weights(up), _spline_weights(across)
             at = row - corner[0], column - corner[1]
             add_stencil(window, at, along_y, along_x, bases[i, 0])
@@ -330,6 +337,7 @@ def _add_windows(
 ) -> None:
     """Add up the windows' rows, counted from the first one of all; functions come to the front."""
     _, first, offsets = windows
+    # Nodes are interleaved by function in the windows; transforms want one field a function.
     total = np.empty(partial.shape[1:])
     for row in range(rows[0], rows[1]):
         total[:] = 0.0
@@ -348,29 +356,30 @@ def interpolate(
     corner: tuple[int, int],
     potential: Real,
     functions: int,
-    room: KeptArrays,
+    pool: BufferPool,
 ) -> Array:
     """Minus the slopes of sum_p b_p(theta) U_p(r) along x, y and theta at the samples: (n, D).
 
     potential : (rows, columns, `whole_vectors` of functions)
         U_p at a part of the nodes, from row and column `corner` on.
-    room : KeptArrays
-        What the result is written to.
+    pool : BufferPool
+        Holds the result until the next call.
     """
-    found = room.array("found", samples.shape, np.float64)
-    parts = shares(len(samples), min(PARTS, len(samples) // _LEAST_SPREAD))
+    found = pool.array("found", samples.shape, np.float64)
+    parts = chunk_ranges(len(samples), min(SAMPLE_PARTS, len(samples) // LEAST_INTERPOLATED))
 
     def read(k: int) -> None:
         some = slice(*parts[k])
-        bases = np.zeros((_BATCH, 2, potential.shape[2]))
-        work = np.empty((2, _BATCH)), bases
+        # Functions that fill the last vector stay 0.
+        bases = np.zeros((SAMPLES_AT_ONCE, 2, potential.shape[2]))
+        work = np.empty((2, SAMPLES_AT_ONCE)), bases
         _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])
 
     for_each(len(parts), read)
     return found
 
 
-@view_kernel
+@kernel(noalias=True)
 def _interpolate_some(
     samples: Array,
     nodes: Nodes,
@@ -381,14 +390,17 @@ def _interpolate_some(
     found: Array,
 ) -> None:
     waves, bases = work
-    for begin in range(0, samples.shape[0], _BATCH):
-        some, slopes = samples[begin : begin + _BATCH], found[begin : begin + _BATCH]
+    for begin in range(0, samples.shape[0], SAMPLES_AT_ONCE):
+        some, slopes = (
+            samples[begin : begin + SAMPLES_AT_ONCE],
+            found[begin : begin + SAMPLES_AT_ONCE],
+        )
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
-            row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
+            row, column, up, across = _position(some[i, 0], some[i, 1], nodes)
             along_y = _spline_weights(up), _spline_slopes(up)
             along_x = _spline_weights(across), _spline_slopes(across)
-            # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
+            # Whole numbers are counted from the corner: rounding in x and y could lead beyond it.
             at = row - corner[0], column - corner[1]
             x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])
             slopes[i, 0], slopes[i, 1] = -nodes.inverse_h * x, -nodes.inverse_h * y

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from ellipsoid_coupling.compiled.buffers import KeptArrays
+from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.interaction.particle_mesh.splines import (
     STENCIL,
@@ -31,7 +31,7 @@ def test_sorting_is_stable_and_leaves_out_what_is_beyond_the_nodes() -> None:
     place = rng.uniform(-0.3, 1.6, (7, 3, 50))
     place[2, 0, 3], place[3, 1, 4], place[4, :2, 5] = np.nan, np.inf, (-0.1, 0.2)
     slots = np.empty(350, np.int64)
-    samples, begin, corner, extent = sort_by_row(place, NODES, slots, KeptArrays())
+    samples, begin, corner, extent = sort_by_row(place, NODES, slots, BufferPool())
     flat = place.transpose(0, 2, 1).reshape(-1, 3)
     with np.errstate(invalid="ignore"):
         column = np.floor((flat[:, 0] - NODES.x_low) * NODES.inverse_h) - 1.0
@@ -55,7 +55,7 @@ def test_what_is_found_goes_back_to_its_sample() -> None:
     rng = np.random.default_rng(1)
     place = rng.uniform(-0.3, 1.6, (3, 3, 20))
     slots = np.empty(60, np.int64)
-    samples = sort_by_row(place, NODES, slots, KeptArrays()).samples
+    samples = sort_by_row(place, NODES, slots, BufferPool()).samples
     force = np.ones_like(place)
     add_to(force, samples, (2.0, 3.0), slots)
     here = (slots >= 0).reshape(3, 1, 20)
@@ -91,7 +91,7 @@ def naive_basis(angle: Array, harmonics: int) -> tuple[Array, Array]:
 @pytest.mark.parametrize("count", [5, 12_000])
 def test_to_the_nodes_and_back_against_scipy(harmonics: int, count: int) -> None:
     """To rounding: one part or four of the samples; odd and even numbers of harmonics, and none."""
-    rng, room = np.random.default_rng(2), KeptArrays()
+    rng, room = np.random.default_rng(2), BufferPool()
     functions = 2 * harmonics + 1
     place = rng.uniform([[0.01], [0.31], [-9.0]], [[0.59], [1.19], [9.0]], (1, 3, count))
     # Part of the nodes only, and where some are left out on all sides.

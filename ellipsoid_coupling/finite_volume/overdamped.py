@@ -33,8 +33,8 @@ from ellipsoid_coupling.finite_volume.splitting import (
     flight,
     largest_turn,
 )
-from ellipsoid_coupling.stepping.step_control import CFL as CFL_NUMBER
-from ellipsoid_coupling.stepping.step_control import ROTATION
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
+from ellipsoid_coupling.stepping.step_control import ROTATION_LIMIT
 
 Floats = NDArray[np.float64]
 
@@ -118,8 +118,8 @@ def _flight_time(fields: Floats, distance: float, turn: float) -> tuple[float, i
     """The dt in which nothing flies further than `distance` or turns by more than `turn`."""
     speed, spin = extremes(fields, None)[:2]
     return min(
-        (distance / speed if speed > 0.0 else np.inf, CFL_NUMBER),
-        (turn / spin if spin > 0.0 else np.inf, ROTATION),
+        (distance / speed if speed > 0.0 else np.inf, CFL_LIMIT),
+        (turn / spin if spin > 0.0 else np.inf, ROTATION_LIMIT),
     )
 
 

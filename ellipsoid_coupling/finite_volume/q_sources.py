@@ -46,7 +46,7 @@ from ellipsoid_coupling.finite_volume.q_grid import FULL_TURN, QOMEGA, QVX, Exte
 from ellipsoid_coupling.finite_volume.sources import Kick, exact_kick, kicked
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.elementary import cos_sin
-from ellipsoid_coupling.stepping.step_control import CFL, ROTATION
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT, ROTATION_LIMIT
 
 Floats = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ Steps = tuple[float, float]
 
 def shorter(steps: Steps) -> tuple[float, int]:
     """The shorter of both, and what it is limited by."""
-    return min((steps[0], CFL), (steps[1], ROTATION))
+    return min((steps[0], CFL_LIMIT), (steps[1], ROTATION_LIMIT))
 
 
 @inline_kernel

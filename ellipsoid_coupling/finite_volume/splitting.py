@@ -27,8 +27,8 @@ from ellipsoid_coupling.finite_volume.sources import (
     turn,
 )
 from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.stepping.step_control import CFL as CFL_NUMBER
-from ellipsoid_coupling.stepping.step_control import FORCE, ROTATION, looking_ahead
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
+from ellipsoid_coupling.stepping.step_control import FORCE_LIMIT, ROTATION_LIMIT, looking_ahead
 
 Floats = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def _cfl_step(
     """As long as nothing flies further than `distance`."""
     speed, force = found.speed, found.force
     dt = _longest(speed, force, equation.terms.damping, distance, ahead)
-    return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
+    return dt, CFL_LIMIT if dt * speed >= 0.5 * distance else FORCE_LIMIT
 
 
 def _longest(rate: float, force: float, damping: float, distance: float, ahead: float) -> float:
@@ -161,7 +161,7 @@ class GodunovSplitting:
         found = extremes(equation.fields, equation.drift)
         distance = cfl * equation.cell
         if found.speed > 0.0:
-            return _step_for(found.speed, 0.0, distance, distance), CFL_NUMBER
+            return _step_for(found.speed, 0.0, distance, distance), CFL_LIMIT
         return _cfl_step(equation, found, distance, distance)
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
@@ -200,7 +200,7 @@ class KickDriftKick:
         distance, turn = cfl * equation.cell, largest_turn(equation)
         ahead = max(distance, looking_ahead(equation.cell, max(equation.drift.shape[1:])))
         turning = _longest(found.spin, found.torque, damping, turn, LARGEST_TURN)
-        return min(_cfl_step(equation, found, distance, ahead), (turning, ROTATION))
+        return min(_cfl_step(equation, found, distance, ahead), (turning, ROTATION_LIMIT))
 
     def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that neither is preferred.

@@ -45,7 +45,7 @@ from ellipsoid_coupling.finite_volume.q_splitting import QSystem
 from ellipsoid_coupling.finite_volume.sources import exact_gain
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces
-from ellipsoid_coupling.stepping.step_control import CFL
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class BalancedHeun:
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)
         self.forces: AngleForces | None = None
-        self._allowed = (0.0, CFL)
+        self._allowed = (0.0, CFL_LIMIT)
         # Fields before a step and before a direction; density and momentum after its first stage.
         self._start, self._before = np.empty((2, *system.fields.shape))
         self._middle = np.empty((2, *system.fields.shape[1:]))

@@ -47,7 +47,7 @@ from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.stepping.status import MEANING, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
-    CFL,
+    CFL_LIMIT,
     STEPS,
     TIME,
     Aside,
@@ -90,7 +90,7 @@ class QEquation:
         self.grid = self.system.grid
         self.stepper: QStepper = stepper(self.system)
         self.stepper.prepare()
-        self.clock = new_clock(1, np.inf, CFL)
+        self.clock = new_clock(1, np.inf, CFL_LIMIT)
         self.end, self.aside = float(setup.scene.times[-1]), Aside()
         # Under pressure characteristics do not cross.
         single = self.system.pressure == 0.0

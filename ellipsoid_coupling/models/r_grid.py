@@ -43,7 +43,7 @@ from ellipsoid_coupling.models.run_warnings import as_counts, of_mixed_angles, o
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.stepping.status import MEANING, NOT_FINITE, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
-    CFL,
+    CFL_LIMIT,
     STEPS,
     TIME,
     Aside,
@@ -94,7 +94,7 @@ class RGridEquation:
         if setup.terms.angle:
             interior(self.fields)[ANGLE] = interior(self.fields)[RHO] * self._start_angle
         self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
-        self.clock = new_clock(1, np.inf, CFL)
+        self.clock = new_clock(1, np.inf, CFL_LIMIT)
         self.end, self.aside = float(scene.times[-1]), Aside()
         self._mass_start = self._mass()
         # What has left through open edges, in units of a cell's density.

@@ -33,8 +33,7 @@ from ellipsoid_coupling.finite_volume.splitting import (
     flight,
     largest_turn,
 )
-from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
-from ellipsoid_coupling.stepping.step_control import ROTATION_LIMIT
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT, ROTATION_LIMIT
 
 Floats = NDArray[np.float64]
 

@@ -27,8 +27,12 @@ from ellipsoid_coupling.finite_volume.sources import (
     turn,
 )
 from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
-from ellipsoid_coupling.stepping.step_control import FORCE_LIMIT, ROTATION_LIMIT, looking_ahead
+from ellipsoid_coupling.stepping.step_control import (
+    CFL_LIMIT,
+    FORCE_LIMIT,
+    ROTATION_LIMIT,
+    looking_ahead,
+)
 
 Floats = NDArray[np.float64]
 

@@ -82,7 +82,7 @@ class CellModel:
         See `stepping.step_control`.
     """
 
-    layout: ClassVar[Literal["rho", "q"]]
+    layout: ClassVar[Literal["particles", "rho", "q"]]
     together: ClassVar[bool] = True
     steps_per_call: int = 16
 

@@ -51,7 +51,7 @@ class QEquation(CellModel):
     """
 
     closure: ClassVar[str]
-    layout: ClassVar[Literal["rho", "q"]] = "q"
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
 
     def __init__(self, name: str, setup: Setup) -> None:
         scene, system = setup.scene, self.system(setup)

@@ -35,7 +35,7 @@ _CELLS_PER_THREAD = 5000
 class RGridEquation(CellModel):
     """A `CellModel` of rho, rho v_x, rho v_y and, where something turns, rho phi and rho omega."""
 
-    layout: ClassVar[Literal["rho", "q"]] = "rho"
+    layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
     slaved: ClassVar[bool] = False
 
     def __init__(self, name: str, setup: Setup) -> None:

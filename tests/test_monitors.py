@@ -46,7 +46,7 @@ def started(name: str, scheme: Any = "accurate", **changes: Any) -> tuple[Monito
 
 def stores(model: Any) -> Any:
     """The conserved fields of a grid model, without the ghost planes of the angle."""
-    return model.fields if hasattr(model, "fields") else model.system.fields[:, 2:-2]
+    return model.fields if hasattr(model, "fields") else model.cells.fields[:, 2:-2]
 
 
 @pytest.mark.parametrize("scheme", ["paper", "accurate"])

@@ -12,7 +12,8 @@ from benchmark_tools import Floats, Row, Sizes, limits, seconds, step_seconds, w
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compiled.jit import parallel_kernel
-from ellipsoid_coupling.finite_volume import q_grid, q_splitting
+from ellipsoid_coupling.finite_volume import cells as cell_fields
+from ellipsoid_coupling.finite_volume import q_grid
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move
@@ -200,7 +201,7 @@ def _empty_row(sizes: Sizes) -> Row:
         found = []
         for _ in range(sizes.pairs):
             fast, one = run(until)
-            with mock.patch.object(q_splitting, "occupied_extents", _everywhere):
+            with mock.patch.object(cell_fields, "occupied_extents", _everywhere):
                 slow, other = run(until)
             found.append((fast, slow))
             apart = max(apart, float(np.abs(one - other).max() / one.max()))

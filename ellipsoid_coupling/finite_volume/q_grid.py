@@ -17,6 +17,7 @@ one cell at most, so the extents grow by one cell along an axis before that axis
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -49,6 +50,8 @@ class QGrid:
     plane: Grid
     angles: int
 
+    angle_resolved: ClassVar[bool] = True
+
     @property
     def shape(self) -> tuple[int, int, int]:
         """Interior cells, (na, ny, nx)."""
@@ -77,6 +80,31 @@ class QGrid:
     def width(self, axis: int) -> float:
         """The cell width along an axis (-1: x, -2: y, -3: angle)."""
         return self.angle_width if axis == -3 else self.plane.cell
+
+    @property
+    def everywhere(self) -> Extents:
+        """Extents as if all cells held mass, (na, ny, 2)."""
+        rows = self.shape[:2]
+        return np.broadcast_to(np.array([0, self.plane.nx]), (*rows, 2)).copy()
+
+
+@dataclass(frozen=True)
+class RGrid(QGrid):
+    """An r-grid as an (angle, y, x) grid of one plane: no ghosts along the angle, a density per area."""
+
+    angles: int = 1
+
+    angle_resolved: ClassVar[bool] = False
+
+    @property
+    def padded(self) -> tuple[int, int, int]:
+        """Cells with ghosts, (1, ny + 4, nx + 4)."""
+        return 1, *self.plane.padded
+
+    @property
+    def angle_width(self) -> float:
+        """A radian: a carried angle has no cells."""
+        return 1.0
 
 
 def check_angles(scene: str, angles: int) -> None:

@@ -1,15 +1,24 @@
-"""Sources of `eq:macro_rho_mono` cell by cell: drift, damping, and the turning of the mean angle.
+"""Sources of the cell equations: what changes while mass stands still.
 
-Conserved fields (K, ny + 4, nx + 4): rho, rho v_x, rho v_y and, where something turns, rho phi and
-rho omega. In a cell the particles share v, phi and omega, so the sources are those of one particle:
+All particles of a cell share v, omega and the angle, so its sources are those of one particle,
 
-    v' = F - Gamma v          phi' = omega          omega' = F_bar - Gamma_bar omega
+    v' = F - Gamma v,                         F     = gamma u - grad V1 + force/m
+    omega' = F_bar - Gamma_bar omega,         F_bar = gamma_bar g - dV2/dtheta + torque/I_c
+    phi' = omega                              where the angle is carried
+
+whatever the closure. F and F_bar depend on place and angle, not on velocities: the exact solution and an
+implicit Euler step are both a kick, v becomes decay v + gain F, and so is the drift velocity F/Gamma.
+Only a carried angle makes the implicit step of the torque an equation, which Newton solves.
+
+One pass over memory does several things to a cell, block by block so that each finds it in cache:
+
+    evaluate F and F_bar    kick v and omega    turn phi    raise the peaks that bound the next step
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -27,9 +36,17 @@ from ellipsoid_coupling.compiled.algebra import (
     select,
     total,
 )
-from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, kernel, parallel_kernel
-from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.jit import (
+    apart_kernel,
+    inline_kernel,
+    kernel,
+    parallel_kernel,
+    view_kernel,
+)
+from ellipsoid_coupling.compiled.loops import block_size, chunk, over_row, prefetch_block
+from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
+from ellipsoid_coupling.compiled.threads import single_task_chunks
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
     Drive,
@@ -40,116 +57,111 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     outer_torque,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, ExtremesLimit, reached
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 Floats = NDArray[np.float64]
+Extents = NDArray[np.int64]
+AnyForces = Forces | AngleForces | NoForces
+Limit = CellwiseLimit | ExtremesLimit
 
-RHO, MOMENTUM_X, MOMENTUM_Y, ANGLE, SPIN = range(5)
+FULL_TURN = 2.0 * np.pi
 
 # Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
 _NEWTON_STEPS = 4
-
-
 # Rows are dealt out in so many tasks at most, each with peaks of its own.
 _TASKS = 64
 
 
-class Extremes(NamedTuple):
-    """The largest |v_x| or |v_y|, |omega|, |F_x| or |F_y| and |F_bar|; infinite if not finite."""
+class Cells(NamedTuple):
+    """The cells of an equation, as passes over them see these.
 
-    speed: float
-    spin: float
-    force: float
-    torque: float
-
-
-@inline_kernel
-def _drift_of(cell: Values, drive: Drive, amplitude: float | None, i: int) -> Values:
-    """F_x, F_y and, where it turns, F_bar of cell i of a run, which holds `cell`; 0 in vacuum."""
-    # Vacuum has no angle; what comes out for it is not used.
-    angle = total(div(cell[ANGLE:SPIN], cell[RHO]))
-    double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
-    rates = driven(drive, i, double, outer, cell[SPIN:])
-    return select(cell[RHO] <= 0.0, fill(0.0, rates), rates)
-
-
-@apart_kernel
-def _set_drift_row(
-    cells: Rows, drive: Drive, amplitude: float | None, width: int, drift: Rows
-) -> None:
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            store(drift, i, _drift_of(load(cells, i), drive, amplitude, i))
-
-
-@parallel_kernel
-def _set_drift(
-    fields: Floats,
-    components: tuple[int, ...],
-    rates: tuple[int, ...],
-    terms: CellTerms,
-    forces: Any,
-    drift: Floats,
-) -> None:
-    rows, columns = drift.shape[1:]
-    for j in numba.prange(rows):
-        cells = _cells(fields, components, j)
-        drive = drive_at(terms, forces, (j, rows, 0), j)
-        _set_drift_row(cells, drive, terms.amplitude, columns, _drifts(drift, rates, j))
-
-
-@inline_kernel
-def _cells(fields: Floats, components: tuple[int, ...], j: int) -> Rows:
-    """Row j of the interior of padded fields."""
-    return rows_at(fields, axpy(components, fields.shape[1], j + GHOSTS), GHOSTS)
-
-
-@inline_kernel
-def _drifts(drift: Floats, rates: tuple[int, ...], j: int) -> Rows:
-    """Row j of the drift; of a drift of one row, that one."""
-    return rows_at(drift, axpy(rates, drift.shape[1], j % drift.shape[1]), 0)
-
-
-def _parts(fields: Floats) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The components of fields and drift: kernels know by the lengths how many there are."""
-    components = fields.shape[0]
-    return tuple(range(components)), tuple(range(components // 2 + 1))
-
-
-def set_drift(fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats) -> None:
-    """Write F_x, F_y and F_bar of every cell that is not vacuum.
-
-    Parameters
+    Attributes
     ----------
-    fields : (5 or 3, ny + 4, nx + 4) float64
-    terms : CellTerms
-    forces : Forces or None
-        Interaction and walls, not yet divided by mass and inertia; None without interaction.
-    drift : (3 or 2, ny, nx)
-        Overwritten.
+    fields : (K, planes, ny + 4, nx + 4) float64
+        Density and density times every other component; planes with the angle's ghosts, if it has any.
+    extents : (na, ny, 2) int64
+        First and end column of what every row holds.
+    drift : (D, na or 0, ny, nx) float64
+        F_x, F_y and, where something turns, F_bar of the present place and angle, in vacuum 0; no planes
+        where it is not kept, but evaluated in each pass.
+    rates : (D,) int
+        0, 1, ..: the components of the drift.
+    moving : (1 + D,) int
+        The components that are density and momenta.
+    angle, spin : (1,) or () int
+        The components that are density times a carried angle, and times its rate.
     """
-    _set_drift(fields, *_parts(fields), terms, forces or NoForces(), drift)
+
+    fields: Floats
+    extents: Extents
+    drift: Floats
+    rates: tuple[int, ...]
+    moving: tuple[int, ...]
+    angle: tuple[int, ...]
+    spin: tuple[int, ...]
+
+
+class Acceleration(NamedTuple):
+    """What F and F_bar are evaluated from.
+
+    Attributes
+    ----------
+    terms : CellTerms
+    forces : Forces, AngleForces or NoForces
+        Of interaction and walls, not yet divided by mass and inertia.
+    planes : int
+        So many planes have forces of their own, which the others share.
+    vacuum : float
+        Up to this density there is no drift; minus infinity for that of all cells.
+    """
+
+    terms: CellTerms
+    forces: AnyForces
+    planes: int
+    vacuum: float
+
+
+def acceleration(
+    terms: CellTerms, forces: Forces | AngleForces | None, vacuum: float = 0.0
+) -> Acceleration:
+    """Of these terms and forces, None without interaction and walls."""
+    planes = 1 if forces is None or forces.x.ndim < 3 else forces.x.shape[0]
+    return Acceleration(terms, forces or NoForces(), planes, vacuum)
 
 
 class Kick(NamedTuple):
-    """The exact solution of v' = F - Gamma v over a time: v becomes decay v + gain F."""
+    """V becomes decay v + gain F, each component with its own numbers, (2 or 3,)."""
 
-    decay: float
-    gain: float
-    spin_decay: float
-    spin_gain: float
+    decay: Values
+    gain: Values
 
 
-def exact_kick(terms: CellTerms, dt: float) -> Kick:
-    """Of v and of omega."""
-    linear, angular = terms.damping, terms.angular_damping
+def exact_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
+    """The exact solution of v' = F - Gamma v over dt."""
+    rates = dampings(terms, velocities)
     return Kick(
-        math.exp(-linear * dt),
-        exact_gain(linear, dt),
-        math.exp(-angular * dt),
-        exact_gain(angular, dt),
+        tuple(math.exp(-rate * dt) for rate in rates), tuple(exact_gain(rate, dt) for rate in rates)
     )
+
+
+def implicit_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
+    """An implicit Euler step of it, v1 = (v + dt F)/(1 + dt Gamma); the paper's treatment."""
+    decay = tuple(1.0 / (1.0 + dt * rate) for rate in dampings(terms, velocities))
+    return Kick(decay, tuple(dt * one for one in decay))
+
+
+def drift_velocity(terms: CellTerms, velocities: int) -> Kick:
+    """V = F/Gamma, whatever it was; 0 of what nothing damps, which then has no such limit."""
+    rates = dampings(terms, velocities)
+    return Kick(fill(0.0, rates), tuple(1.0 / rate if rate > 0.0 else 0.0 for rate in rates))
+
+
+def dampings(terms: CellTerms, velocities: int) -> Values:
+    """Gamma, Gamma and, of three velocities, Gamma_bar."""
+    return (terms.damping, terms.damping, terms.angular_damping)[:velocities]
 
 
 def exact_gain(rate: float, dt: float) -> float:
@@ -157,230 +169,234 @@ def exact_gain(rate: float, dt: float) -> float:
     return -math.expm1(-rate * dt) / rate if rate else dt
 
 
-@inline_kernel
-def kicked(density: float, carried: Values, drift: Values, decay: Values, gain: Values) -> Values:
-    """Rho v after a kick, v becoming decay v + gain F, for each component of the momentum."""
-    return add(mul(decay, carried), mul(scale(density, gain), drift))
+class Work(NamedTuple):
+    """What a pass does to each cell, in this order, beside evaluating the drift where it is given.
+
+    Attributes
+    ----------
+    change : Kick
+    kicks : bool
+        Whether v and omega are kicked.
+    time : float
+        Phi becomes phi + time omega; where it is 0, nothing turns.
+    limits : bool
+        Whether peaks are raised.
+    """
+
+    change: Kick
+    kicks: bool
+    time: float
+    limits: bool
 
 
 @inline_kernel
-def _kicked_cell(cell: Values, drift: Values, change: Kick) -> Values:
-    """Momenta and spin of a cell after a kick."""
-    spins = cell[SPIN:]
-    decays = (change.decay, change.decay, *fill(change.spin_decay, spins))
-    gains = (change.gain, change.gain, *fill(change.spin_gain, spins))
-    carried = cell[MOMENTUM_X:ANGLE] + spins
-    return kicked(cell[RHO], carried, drift, decays, gains)
-
-
-@apart_kernel
-def _kick_row(cells: Rows, drift: Rows, change: Kick, turning: float, width: int) -> None:
-    momenta, angles, spins = cells[MOMENTUM_X:ANGLE], cells[ANGLE:SPIN], cells[SPIN:]
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            cell = load(cells, i)
-            new = _kicked_cell(cell, load(drift, i), change)
-            store(momenta + spins, i, new)
-            store(angles, i, axpy(turning, new[2:], cell[ANGLE:SPIN]))
-
-
-@parallel_kernel
-def _kick(
-    fields: Floats,
-    components: tuple[int, ...],
-    rates: tuple[int, ...],
-    drift: Floats,
-    change: Kick,
-    turning: float,
-) -> None:
-    rows, columns = drift.shape[1:]
-    for j in numba.prange(rows):
-        cells = _cells(fields, components, j)
-        _kick_row(cells, _drifts(drift, rates, j), change, turning, columns)
-
-
-def kick(fields: Floats, drift: Floats, change: Kick, turning: float) -> None:
-    """Kick v and omega in the drift as it is; then phi += turning omega, where it turns."""
-    _kick(fields, *_parts(fields), drift, change, turning)
-
-
-@inline_kernel
-def _size(weight: float, value: float) -> float:
-    """Magnitude of a rate or of a carried quantity; infinite if not finite."""
-    size = abs(value * weight)
-    # A comparison that is false for NaN.
-    known = size < np.inf
-    return size if known else np.inf
-
-
-@inline_kernel
-def _sizes(density: float, carried: Values, drift: Values) -> Values:
-    """Speed, force and, where they are given, spin and torque of a cell."""
-    # Written so that NaN is no vacuum.
-    inverse = 0.0 if density <= 0.0 else 1.0 / density
-    rates, forces = map_fields(_size, (inverse,), (carried,)), map_fields(_size, (1.0,), (drift,))
-    return (max(rates[0], rates[1]), max(forces[0], forces[1]), *rates[2:], *forces[2:])
-
-
-@apart_kernel
-def _kick_anew_row(
+def _evaluate(
+    i: int,
     cells: Rows,
+    angles: Rows,
+    plane_angle: float,
     drive: Drive,
     amplitude: float | None,
-    change: Kick,
-    width: int,
+    vacuum: float,
     drift: Rows,
+) -> None:
+    """F_x, F_y and, where something turns, F_bar of cell i."""
+    cell = load(cells, i)
+    # Vacuum has no angle; what comes out for it is not used.
+    angle = plane_angle + total(div(load(angles, i), cell[0]))
+    double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
+    rates = driven(drive, i, double, outer, cell[3:])
+    store(drift, i, select(cell[0] <= vacuum, fill(0.0, rates), rates))
+
+
+@inline_kernel
+def _kick(i: int, cells: Rows, drift: Rows, change: Kick) -> None:
+    """Rho v becomes decay rho v + rho gain F."""
+    cell = load(cells, i)
+    gains = mul(scale(cell[0], change.gain), load(drift, i))
+    store(cells[1:], i, add(mul(change.decay, cell[1:]), gains))
+
+
+@inline_kernel
+def _turn(i: int, angles: Rows, spins: Rows, time: float) -> None:
+    """Rho phi becomes rho phi + time rho omega."""
+    store(angles, i, axpy(time, load(spins, i), load(angles, i)))
+
+
+@inline_kernel
+def _raise_peaks(i: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
+    cell = load(cells, i)
+    # Written so that NaN is no vacuum and shows.
+    inverse = 0.0 if cell[0] <= 0.0 else 1.0 / cell[0]
+    found = reached(limit, inverse, cell[1:], load(drift, i))
+    store(peaks, i, maximum(load(peaks, i), found))
+
+
+@apart_kernel
+def _evaluate_row(
+    width: int,
+    cells: Rows,
+    angles: Rows,
+    plane_angle: float,
+    drive: Drive,
+    amplitude: float | None,
+    vacuum: float,
+    drift: Rows,
+) -> None:
+    over_row(width, _evaluate, (cells, angles, plane_angle, drive, amplitude, vacuum, drift))
+
+
+@apart_kernel
+def _kick_row(width: int, cells: Rows, drift: Rows, change: Kick) -> None:
+    over_row(width, _kick, (cells, drift, change))
+
+
+@apart_kernel
+def _turn_row(width: int, angles: Rows, spins: Rows, time: float) -> None:
+    over_row(width, _turn, (angles, spins, time))
+
+
+@apart_kernel
+def _raise_peaks_row(width: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
+    over_row(width, _raise_peaks, (cells, drift, limit, peaks))
+
+
+@view_kernel
+def _treat_block(
+    place: tuple[int, int, int],
+    width: int,
+    cells: Cells,
+    force: Acceleration | None,
+    work: Work,
+    limit: Limit,
+    scratch: Floats,
     peaks: Rows,
 ) -> None:
-    momenta, spins = cells[MOMENTUM_X:ANGLE], cells[SPIN:]
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            cell = load(cells, i)
-            here = _drift_of(cell, drive, amplitude, i)
-            store(drift, i, here)
-            new = _kicked_cell(cell, here, change)
-            store(momenta + spins, i, new)
-            found = _sizes(cell[RHO], new, here)
-            store(peaks, i, maximum(load(peaks, i), found))
+    """All of a pass for `width` cells of plane a, row j, from column `start` on: place = (a, j, start)."""
+    a, j, start = place
+    fields, (planes, rows) = cells.fields, cells.extents.shape[:2]
+    ghost_planes = (fields.shape[1] - planes) // 2
+    row, every = (
+        (a + ghost_planes) * fields.shape[2] + j + GHOSTS,
+        fields.shape[1] * fields.shape[2],
+    )
+    here = axpy(cells.moving, every, row)
+    # The next row's block comes while this one is worked on.
+    prefetch_block(rows_at(fields, add(here, 1), start + GHOSTS), width)
+    moving = rows_at(fields, here, start + GHOSTS)
+    angles = rows_at(fields, axpy(cells.angle, every, row), start + GHOSTS)
+    drift = rows_at(scratch, cells.rates, 0)
+    if cells.drift.shape[1] > 0:
+        drift = rows_at(cells.drift, axpy(cells.rates, planes * rows, a * rows + j), start)
+    if force is not None:
+        drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
+        amplitude, plane_angle = force.terms.amplitude, FULL_TURN * a / planes
+        _evaluate_row(width, moving, angles, plane_angle, drive, amplitude, force.vacuum, drift)
+    if work.kicks:
+        _kick_row(width, moving, drift, work.change)
+    if work.time != 0.0:
+        spins = rows_at(fields, axpy(cells.spin, every, row), start + GHOSTS)
+        _turn_row(width, angles, spins, work.time)
+    if work.limits:
+        _raise_peaks_row(width, moving, drift, limit, peaks)
 
 
-@apart_kernel
-def _raise_row(cells: Rows, drift: Rows, width: int, peaks: Rows) -> None:
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            cell = load(cells, i)
-            found = _sizes(cell[RHO], cell[MOMENTUM_X:ANGLE] + cell[SPIN:], load(drift, i))
-            store(peaks, i, maximum(load(peaks, i), found))
-
-
-@parallel_kernel
-def _kick_anew(
-    fields: Floats,
-    components: tuple[int, ...],
-    rates: tuple[int, ...],
-    terms: CellTerms,
-    forces: Any,
-    drift: Floats,
-    change: Kick,
+@kernel
+def _treat_lines(
+    task: int,
+    cells: Cells,
+    force: Acceleration | None,
+    work: Work,
+    limit: Limit,
     largest: Floats,
 ) -> None:
-    rows, columns = drift.shape[1:]
-    tasks = largest.shape[0]
+    """All of a pass for one task's share of the rows."""
+    planes, rows = cells.extents.shape[:2]
+    block = block_size(cells.fields.shape[0])
+    found = np.zeros((len(limit.peaks), block))
+    scratch = np.empty((len(cells.rates), block))
+    peaks = rows_at(found, limit.peaks, 0)
+    first, end = chunk(task, largest.shape[0], planes * rows)
+    for line in range(first, end):
+        a, j = line // rows, line % rows
+        stop = cells.extents[a, j, 1]
+        for start in range(cells.extents[a, j, 0], stop, block):
+            width = min(block, stop - start)
+            _treat_block((a, j, start), width, cells, force, work, limit, scratch, peaks)
+    for k in range(found.shape[0]):
+        largest[task, k] = found[k].max()
+
+
+@parallel_kernel
+def _treat(tasks: int, arguments: tuple[Cells, Acceleration | None, Work, Limit, Floats]) -> None:
+    packed = pack(arguments)
     for task in numba.prange(tasks):
-        found = np.zeros((len(components) - 1, columns))
-        peaks = rows_at(found, components[:-1], 0)
-        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
-            drive = drive_at(terms, forces, (j, rows, 0), j)
-            _kick_anew_row(cells, drive, terms.amplitude, change, columns, drifts, peaks)
-        for k in range(found.shape[0]):
-            largest[task, k] = found[k].max()
+        cells, force, work, limit, largest = unpack(packed)
+        _treat_lines(signed(task), cells, force, work, limit, largest)
 
 
-def kick_anew(
-    fields: Floats, terms: CellTerms, forces: Forces | None, drift: Floats, change: Kick
-) -> Extremes:
-    """`set_drift`, a kick, and what `extremes` finds after that, in one pass over memory."""
-    largest = np.zeros((min(drift.shape[1], _TASKS), 4))
-    here = fields, *_parts(fields), terms, forces or NoForces(), drift
-    _kick_anew(*here, change, largest)
-    return _extremes_of(largest)
+def treat(cells: Cells, force: Acceleration | None, work: Work, limit: Limit) -> Floats:
+    """One pass over all cells, in place; see the module.
 
+    Parameters
+    ----------
+    cells : Cells
+    force : Acceleration or None
+        Evaluate the drift; None takes that which is kept.
+    work : Work
+    limit : CellwiseLimit or ExtremesLimit
+        What peaks are raised to.
 
-def _extremes_of(largest: Floats) -> Extremes:
-    """Of what tasks have found, (tasks, 4): speeds, forces, spins and torques."""
-    speed, force, spin, torque = largest.max(axis=0)
-    return Extremes(float(speed), float(spin), float(force), float(torque))
-
-
-@apart_kernel
-def _turn_row(cells: Rows, turning: float, width: int) -> None:
-    angles, spins = cells[ANGLE:SPIN], cells[SPIN:]
-    for i in range(round_up_to_vectors(width)):
-        if i < width:
-            store(angles, i, axpy(turning, load(spins, i), load(angles, i)))
-
-
-@parallel_kernel
-def _turn(fields: Floats, components: tuple[int, ...], turning: float) -> None:
-    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
-    for j in numba.prange(rows):
-        _turn_row(_cells(fields, components, j), turning, columns)
-
-
-def turn(fields: Floats, turning: float) -> None:
-    """Set phi to phi + turning omega, in place; nothing where nothing turns."""
-    if fields.shape[0] > ANGLE:
-        _turn(fields, _parts(fields)[0], turning)
-
-
-@parallel_kernel
-def step_implicitly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) -> None:
-    """One implicit Euler step of all sources, in place; the paper's treatment.
-
-        v1 = (v + dt F)/(1 + dt Gamma)
-        phi1 = phi + dt omega1,  omega1 = (omega + dt F_bar(phi1))/(1 + dt Gamma_bar)
-
-    The torque of the interaction is that of the old angle, fluid and V2 are taken at the new one by
-    Newton's iteration.
+    Returns
+    -------
+    (peaks,) float64
+        What the new velocities reach at most, for `limit.allowed`; 0 unless `work.limits`.
     """
-    for j in numba.prange(drift.shape[1]):
-        for i in range(drift.shape[2]):
-            rho = fields[RHO, j + GHOSTS, i + GHOSTS]
-            if rho <= 0.0:
-                continue
-            for d in range(2):
-                k = MOMENTUM_X + d
-                pushed = fields[k, j + GHOSTS, i + GHOSTS] + dt * rho * drift[d, j, i]
-                fields[k, j + GHOSTS, i + GHOSTS] = pushed / (1.0 + dt * terms.damping)
-            if fields.shape[0] == 5:
-                angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
-                spin = fields[SPIN, j + GHOSTS, i + GHOSTS] / rho
-                new = _implicit_spin(angle, spin, drift[2, j, i], terms, (j, i), dt)
-                fields[SPIN, j + GHOSTS, i + GHOSTS] = rho * new
-                fields[ANGLE, j + GHOSTS, i + GHOSTS] += dt * rho * new
+    lines = cells.extents.shape[0] * cells.extents.shape[1]
+    largest = np.zeros((min(lines, _TASKS), len(limit.peaks)))
+    with single_task_chunks():
+        _treat(largest.shape[0], (cells, force, work, limit, largest))
+    return np.asarray(largest.max(axis=0))
+
+
+@parallel_kernel
+def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> None:
+    """Turn phi by one implicit Euler step, in place; the paper's treatment, after an implicit kick.
+
+        phi1 = phi + dt omega1,  omega1 = omega + gain (R(phi1) - R(phi))
+
+    omega is what the kick made of the drift at the old angle. R are the torques that are known as
+    functions of the angle, those of fluid and V2; the torque of the interaction is that of the old one.
+
+    gain : of omega, that of the kick
+    """
+    fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
+    rows, columns = cells.drift.shape[2:]
+    for j in numba.prange(rows):
+        for i in range(columns):
+            p, q = j + GHOSTS, i + GHOSTS
+            rho = fields[0, 0, p, q]
+            if rho > 0.0:
+                phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
+                new = _implicit_spin(phi, omega, terms, (j, i), (gain, dt))
+                fields[spin, 0, p, q] = rho * new
+                fields[angle, 0, p, q] += dt * rho * new
 
 
 @kernel
 def _implicit_spin(
-    angle: float, spin: float, drift: float, terms: CellTerms, cell: tuple[int, int], dt: float
+    angle: float,
+    spin: float,
+    terms: CellTerms,
+    cell: tuple[int, int],
+    step: tuple[float, float],
 ) -> float:
-    """omega1 of one cell."""
+    """Omega1 of one cell, for the step (gain, dt)."""
     j, i = cell
-    old_rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
-    inertia = 1.0 + dt * terms.angular_damping
-    new = (spin + dt * drift) / inertia
+    gain, dt = step
+    old, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
+    new = spin
     for _ in range(_NEWTON_STEPS):
         rate, slope = angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
-        miss = inertia * new - spin - dt * (drift - old_rate + rate)
-        new -= miss / (inertia - dt * dt * slope)
+        new -= (new - spin - gain * (rate - old)) / (1.0 - gain * dt * slope)
     return new
-
-
-@parallel_kernel
-def _extremes(
-    fields: Floats,
-    components: tuple[int, ...],
-    rates: tuple[int, ...],
-    drift: Floats,
-    largest: Floats,
-) -> None:
-    rows, columns = fields.shape[1] - 2 * GHOSTS, fields.shape[2] - 2 * GHOSTS
-    tasks = largest.shape[0]
-    for task in numba.prange(tasks):
-        found = np.zeros((len(components) - 1, columns))
-        peaks = rows_at(found, components[:-1], 0)
-        for j in range(task * rows // tasks, (task + 1) * rows // tasks):
-            cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
-            _raise_row(cells, drifts, columns, peaks)
-        for k in range(found.shape[0]):
-            largest[task, k] = found[k].max()
-
-
-def extremes(fields: Floats, drift: Floats | None) -> Extremes:
-    """Of all cells that are not vacuum; no force and torque without a drift."""
-    largest = np.zeros((min(fields.shape[1] - 2 * GHOSTS, _TASKS), 4))
-    components, rates = _parts(fields)
-    nothing = np.zeros((len(rates), 1, fields.shape[2] - 2 * GHOSTS))
-    _extremes(fields, components, rates, nothing if drift is None else drift, largest)
-    return _extremes_of(largest)

@@ -1,217 +1,257 @@
-"""How transport and sources of a cell equation follow one another within a step.
+"""How transport, interaction and sources follow one another within a step of a cell equation.
 
-A splitting is one step of an equation on an r-grid, which offers its fields and three operations
-(`SplitEquation`). It declares its order, and whether it may refuse a step that turns out too long, so
-that the caller can repeat it with a smaller one.
+A stepper owns the order in which things happen; fields and operations are those of `CellFields`. What it
+transports with is an argument, so that any flux of the fitting kind will do. Where velocities are
+unknowns:
+
+    Godunov          transport, then an implicit Euler step of the sources        first order
+    KickDriftKick    half a kick, flight, interaction, half a kick                second order
+
+Where they are slaved to the drift (the diffusive limit `eq:difflimit`), drag and drift balance at every
+moment, v = F/Gamma and omega = F_bar/Gamma_bar:
+
+    OverdampedEuler  transport at the drift velocity, implicit Euler for the angle   first order
+    OverdampedHeun   Heun's rule along the particles' ways                           second order
+
+The scheme of second order for closures with pressure is `well_balanced.py`.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
-from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
-from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
+from ellipsoid_coupling.compiled.algebra import scale
+from ellipsoid_coupling.finite_volume.cells import CellFields
+from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
 from ellipsoid_coupling.finite_volume.sources import (
-    ANGLE,
-    Extremes,
     Kick,
+    drift_velocity,
     exact_kick,
-    extremes,
-    kick,
-    kick_anew,
-    step_implicitly,
-    turn,
+    implicit_kick,
+    turn_implicitly,
 )
-from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.stepping.step_control import CFL as CFL_NUMBER
-from ellipsoid_coupling.stepping.step_control import FORCE, ROTATION, looking_ahead
+from ellipsoid_coupling.finite_volume.step_limits import Allowed, extremes_of
+from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
 
-# A step that turns a cell by more than this (radian) does not resolve the torque.
-LARGEST_TURN = 0.5
-# Grids of more cells than this, along the longer side, take shorter steps where turning limits them.
-_COARSE = 128
+# Heun's corrector may move mass by this part of a cell and turn it by this part of a radian; more
+# means that the drift changes within a step by as much as it is.
+_LARGEST_CORRECTION = 0.25
 
 
-class SplitEquation(Protocol):
-    """What a splitting steps."""
+class Stepper(Protocol):
+    """One way to step `CellFields`.
 
-    fields: Floats
-    drift: Floats
-    terms: CellTerms
+    order : of the scheme; quantity : of the interaction that it asks for; flux : the name of its own
+    flux, where a scene names none; balances : whether it gives the forces' work to its flux;
+    memory : what a restart needs besides fields and drift.
+    """
 
-    def transport(self, flux: Ballistic | Force, dt: float, x_first: bool) -> None:
-        """Move all fields along x and then y for dt, or along y and then x."""
+    order: ClassVar[int]
+    quantity: ClassVar[Quantity]
+    flux: ClassVar[str]
+    balances: ClassVar[bool]
+    memory: Floats
+
+    def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
+        """For these cells, whose interaction is of `quantity`."""
         ...
 
-    def forces(self) -> Forces | None:
-        """Interaction and walls at the present fields; None without interaction."""
+    def start(self) -> None:
+        """Set whatever follows from the fields; they are at the start."""
         ...
 
-    def evaluate_drift(self) -> None:
-        """Set `drift` from the present fields."""
+    def restore(self) -> None:
+        """Set whatever follows from fields, drift and memory, which have been restored."""
         ...
 
     @property
-    def cell(self) -> float:
-        """The cell width h."""
+    def largest_step(self) -> Allowed:
+        """The step that the CFL number allows now, and its reason; 0 if not finite any more."""
+        ...
+
+    def step(self, dt: float, count: int) -> bool:
+        """Step number `count` by dt, in place; False, with all as before, if it was too long."""
         ...
 
 
-class Splitting(Protocol):
-    """One way to step a `SplitEquation`.
+class _Split:
+    """What these steppers share: forces at the present density, and the step that they allow."""
 
-    `refuses` tells whether it may find a step too long that it has allowed itself.
-    """
+    order: ClassVar[int]
+    quantity: ClassVar[Quantity] = "forces"
+    balances: ClassVar[bool] = False
 
-    order: int
-    refuses: bool
+    def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
+        self._cells, self._make_flux = cells, make_flux
+        self._velocities = len(cells.system.velocities)
+        self._limit = cells.limit(self.order)
+        self._allowed: Allowed = (0.0, CFL_LIMIT)
+        self.memory = np.zeros(0)
+
+    def start(self) -> None:
+        """The forces of the present density, the drift, and the step that they allow."""
+        self._cells.update_forces()
+        self._meet_forces(None)
+
+    def restore(self) -> None:
+        """The step that the velocities allow, in the drift as it was kept or else in new forces."""
+        if self._cells.keeps_drift:
+            self._allowed = self._cells.allowed(self._limit)
+        else:
+            self.start()
 
     @property
-    def found(self) -> Extremes | None:
-        """What fields and drift are at most after the last step; None where it does not look."""
-        ...
+    def largest_step(self) -> Allowed:
+        """From the fastest cell, its acceleration counted in."""
+        return self._allowed
 
-    def start(self, equation: SplitEquation) -> None:
-        """Set the drift, and whatever else follows from the fields; they are at the start."""
-        ...
-
-    def restore(self, equation: SplitEquation) -> None:
-        """Set whatever follows from fields and drift, which have been restored."""
-        ...
-
-    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
-        """The step that the CFL number allows now, and its reason."""
-        ...
-
-    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
-        """Step by dt in place; False (fields half-changed) if that was too long."""
-        ...
+    def _meet_forces(self, change: Kick | None) -> Floats:
+        """Evaluate the drift at new forces, kick, and find what step the new velocities allow."""
+        peaks = self._cells.treat(self._limit, change, fresh=True, limits=True)
+        self._allowed = self._limit.allowed(peaks)
+        return peaks
 
 
-def _step_for(rate: float, acceleration: float, distance: float, ahead: float) -> float:
-    """The dt in which nothing goes further than `distance`; infinite where nothing moves.
+class Godunov(_Split):
+    """Scheme `paper`: FORCE in x, y and angle, implicit Euler for the sources; first order."""
 
-    With ahead = distance it solves dt (rate + acceleration dt) = distance; a longer one gives a shorter
-    dt, see `looking_ahead`.
+    order: ClassVar[int] = 1
+    flux: ClassVar[str] = "force"
+
+    def step(self, dt: float, count: int) -> bool:
+        """Transport, then sources at the new density; never refused."""
+        del count
+        cells = self._cells
+        cells.transport_all(self._make_flux, cells.axes, dt)
+        cells.narrow_extents()
+        cells.update_forces()
+        change = implicit_kick(cells.terms, dt, self._velocities)
+        self._meet_forces(change)
+        if cells.system.carried_angle:
+            turn_implicitly(cells.cells, cells.terms, change.gain[-1], dt)
+        cells.react(dt)
+        return True
+
+
+class KickDriftKick(_Split):
+    """Scheme `accurate` without pressure: exact kicks of half a step about a ballistic flight.
+
+    Velocities change while place and angle stand still and the other way round, so that one evaluation
+    of the interaction a step suffices, at the end of the flight. Second order.
     """
-    root = rate + np.sqrt(rate * rate + 4.0 * acceleration * ahead)
-    # Not a number stays what it is, so that the caller notices.
-    return float(2.0 * distance / root) if root != 0.0 else np.inf
+
+    order: ClassVar[int] = 2
+    flux: ClassVar[str] = "ballistic"
+
+    def step(self, dt: float, count: int) -> bool:
+        """Directions change order from step to step (`count`), so that none is preferred.
+
+        Never refused: the allowed step counts the acceleration in, and flights empty no cell.
+        """
+        cells, half = self._cells, 0.5 * dt
+        change = exact_kick(cells.terms, half, self._velocities)
+        axes = cells.axes if count % 2 == 0 else cells.axes[::-1]
+        cells.treat(self._limit, change, half)
+        cells.react(half)
+        cells.transport_all(self._make_flux, axes, dt)
+        cells.turn(self._limit, half)
+        cells.react(half)
+        cells.narrow_extents()
+        cells.update_forces()
+        self._meet_forces(change)
+        return True
 
 
-def _cfl_step(
-    equation: SplitEquation, found: Extremes, distance: float, ahead: float
-) -> tuple[float, int]:
-    """As long as nothing flies further than `distance`."""
-    speed, force = found.speed, found.force
-    dt = _longest(speed, force, equation.terms.damping, distance, ahead)
-    return dt, CFL_NUMBER if dt * speed >= 0.5 * distance else FORCE
+class _Overdamped(_Split):
+    """What both schemes share whose velocities follow from the drift at once."""
+
+    def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
+        super().__init__(cells, make_flux)
+        self._settled = drift_velocity(cells.terms, self._velocities)
+
+    def start(self) -> None:
+        """The drift, and the velocity that follows from it."""
+        self._cells.update_forces()
+        self._meet_forces(self._settled)
 
 
-def _longest(rate: float, force: float, damping: float, distance: float, ahead: float) -> float:
-    """The dt in which nothing at this rate, driven by this force, goes further than `distance`.
+class OverdampedEuler(_Overdamped):
+    """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the angle; first order."""
 
-    Rates grow by the force, but with damping Gamma never beyond force/Gamma: the better of the two
-    bounds counts, so that stiff drag costs no steps.
-    """
-    terminal = max(rate, force / damping) if damping > 0.0 else np.inf
-    free = _step_for(rate, force, distance, ahead)
-    return max(free, _step_for(terminal, 0.0, distance, distance))
+    order: ClassVar[int] = 1
+    flux: ClassVar[str] = "force"
 
-
-def largest_turn(equation: SplitEquation) -> float:
-    """How far a cell may turn in a step (radian): less on finer grids, so that the order holds."""
-    return float(LARGEST_TURN * min(1.0, _COARSE / max(equation.drift.shape[1:])))
-
-
-def flight(equation: SplitEquation, dt: float) -> Ballistic:
-    """Ballistic transport of v_x, v_y and, where it turns, phi and omega."""
-    part = smooth_part(max(equation.drift.shape[1:]))
-    density, angle, speed = bends_of_step(part, equation.cell, dt)
-    turning = (angle, bends_of_step(part, 1.0, dt).speed)
-    carried = (speed, speed, *turning) if equation.fields.shape[0] > ANGLE else (speed, speed)
-    return Ballistic((density, *carried))
-
-
-class GodunovSplitting:
-    """Scheme `paper`: FORCE in x, FORCE in y, implicit Euler for the sources; first order."""
-
-    order = 1
-    refuses = False
-    found = None
-
-    def __init__(self, pressure: float) -> None:
-        self._flux = Force(pressure)
-
-    def start(self, equation: SplitEquation) -> None:
-        """Set the drift."""
-        equation.evaluate_drift()
-
-    def restore(self, equation: SplitEquation) -> None:
-        """Nothing is kept."""
-
-    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
-        """From the fastest cell; from rest, as far as the drift leads."""
-        found = extremes(equation.fields, equation.drift)
-        distance = cfl * equation.cell
-        if found.speed > 0.0:
-            return _step_for(found.speed, 0.0, distance, distance), CFL_NUMBER
-        return _cfl_step(equation, found, distance, distance)
-
-    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
+    def step(self, dt: float, count: int) -> bool:
         """Always accepted: transport uses the velocities that the step was chosen for."""
         del count
-        equation.transport(self._flux, dt, x_first=True)
-        equation.evaluate_drift()
-        step_implicitly(equation.fields, equation.drift, equation.terms, dt)
+        cells = self._cells
+        cells.transport_all(self._make_flux, cells.axes, dt)
+        cells.update_forces()
+        self._meet_forces(self._settled)
+        if cells.system.carried_angle:
+            turn_implicitly(cells.cells, cells.terms, self._settled.gain[-1], dt)
+            # The implicit turn has left its own rate; velocities are those of the drift.
+            cells.treat(self._limit, self._settled)
         return True
 
 
-class KickDriftKick:
-    """Scheme `accurate`: exact kicks of half a step about a ballistic flight; second order."""
+class OverdampedHeun(_Overdamped):
+    """Scheme `accurate`: Heun's rule along the particles' ways; second order.
 
-    order = 2
-    refuses = False
+    A flight at the starting drift velocity, carried along with the mass, is followed by a short one
+    that makes up for its change on the way,
 
-    def __init__(self) -> None:
-        self.found = Extremes(0.0, 0.0, 0.0, 0.0)
+        r_{n+1} = r_n + dt v_n + dt/2 (v* - v_n),        v* = F/Gamma at the first flight's end
 
-    def start(self, equation: SplitEquation) -> None:
-        """The drift, and what the first step follows from; later ones find it in their last kick."""
-        self._kick_anew(equation, Kick(1.0, 0.0, 1.0, 0.0))
+    and the same for the angle. Both are ballistic, hence exact for the piecewise linear state. Between
+    directions the mass keeps the velocity that it started with, so that a flight along x and then y is
+    the same straight way as both at once.
+    """
 
-    def restore(self, equation: SplitEquation) -> None:
-        """As at the start: velocities change after the drift is set, place and angle do not."""
-        self.start(equation)
+    order: ClassVar[int] = 2
+    flux: ClassVar[str] = "ballistic"
 
-    def _kick_anew(self, equation: SplitEquation, change: Kick) -> None:
-        fields, terms, drift = equation.fields, equation.terms, equation.drift
-        self.found = kick_anew(fields, terms, equation.forces(), drift, change)
+    def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
+        super().__init__(cells, make_flux)
+        self._correction = Kick(
+            tuple(-0.5 for _ in self._settled.gain), scale(0.5, self._settled.gain)
+        )
+        # What a refused step gives back; new arrays in every step would cost as much as a sweep.
+        self._before = [np.empty_like(array) for array in self._stepped]
 
-    def largest_step(self, equation: SplitEquation, cfl: float) -> tuple[float, int]:
-        """From the fastest and the fastest turning cell."""
-        found, damping = self.found, equation.terms.angular_damping
-        distance, turn = cfl * equation.cell, largest_turn(equation)
-        ahead = max(distance, looking_ahead(equation.cell, max(equation.drift.shape[1:])))
-        turning = _longest(found.spin, found.torque, damping, turn, LARGEST_TURN)
-        return min(_cfl_step(equation, found, distance, ahead), (turning, ROTATION))
+    @property
+    def _stepped(self) -> tuple[Floats, ...]:
+        return self._cells.fields, self._cells.drift, self._cells.outflow
 
-    def step(self, equation: SplitEquation, dt: float, count: int) -> bool:
-        """Directions change order from step to step (`count`), so that neither is preferred.
-
-        The allowed step counts the acceleration within it in, and flights empty no cell.
-        """
-        fields, drift = equation.fields, equation.drift
-        change, x_first = exact_kick(equation.terms, 0.5 * dt), count % 2 == 0
-        flux = flight(equation, dt)
-        kick(fields, drift, change, 0.5 * dt)
-        equation.transport(flux, dt, x_first)
-        turn(fields, 0.5 * dt)
-        self._kick_anew(equation, change)
+    def step(self, dt: float, count: int) -> bool:
+        """Refused if the correction is not small. Directions take turns (`count`)."""
+        cells = self._cells
+        for kept, array in zip(self._before, self._stepped, strict=True):
+            np.copyto(kept, array)
+        axes = cells.axes if count % 2 == 0 else cells.axes[::-1]
+        self._fly(dt, axes)
+        correction = extremes_of(
+            cells.treat(self._limit, self._correction, fresh=True, limits=True)
+        )
+        if not max(correction.speed / cells.grid.plane.cell, correction.spin) * dt <= (
+            _LARGEST_CORRECTION
+        ):
+            for kept, array in zip(self._before, self._stepped, strict=True):
+                np.copyto(array, kept)
+            return False
+        self._fly(dt, axes[::-1])
+        self._meet_forces(self._settled)
         return True
+
+    def _fly(self, dt: float, axes: tuple[int, ...]) -> None:
+        """Turn, fly, and find the forces where that leads."""
+        cells = self._cells
+        cells.turn(self._limit, dt)
+        cells.transport_all(self._make_flux, axes, dt)
+        cells.update_forces()

@@ -24,7 +24,7 @@ step ahead, q - dt/2 div m. Directions change order from step to step.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import numba
 import numpy as np
@@ -36,17 +36,27 @@ from ellipsoid_coupling.compiled.loops import over_row
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
+from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
+from ellipsoid_coupling.finite_volume.cells import CellFields
+from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
-from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Kinetic, Limits, face_factor
+from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits, face_factor
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import set_ahead, set_work
-from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, Q, inside
-from ellipsoid_coupling.finite_volume.q_sources import accelerations, largest_step, shorter
-from ellipsoid_coupling.finite_volume.q_splitting import QSystem
-from ellipsoid_coupling.finite_volume.sources import exact_gain
+from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, Q
+from ellipsoid_coupling.finite_volume.sources import (
+    Work,
+    acceleration,
+    dampings,
+    exact_gain,
+    exact_kick,
+    treat,
+)
+from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces
-from ellipsoid_coupling.stepping.step_control import CFL
+from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
 
@@ -55,31 +65,39 @@ _SHORTEST_NEXT = 0.25
 
 
 class WellBalancedHeun:
-    """Steps a `QSystem` with pressure 1 as above."""
+    """Steps `CellFields` with pressure 1 and forces by angle, as above."""
 
     order: ClassVar[int] = 2
     quantity: ClassVar[Quantity] = "potential"
+    flux: ClassVar[str] = "kinetic"
+    balances: ClassVar[bool] = True
 
-    def __init__(self, system: QSystem) -> None:
-        self._system = system
-        self._steady = _steady_forces(system)
+    def __init__(self, system: CellFields, make_flux: FluxMaker) -> None:
+        self._system, self._make_flux = system, make_flux
+        # Pressure is a q-equation's, whose forces these are.
+        self._forces = cast(AngleGridForces, system.find_forces)
+        self._limit = system.cellwise_limit(1)._replace(sound=SIGNAL, damped=True)
+        self._steady = _steady_forces(system, self._forces.walls, self._limit)
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)
-        self.forces: AngleForces | None = None
-        self._allowed = (0.0, CFL)
+        self._allowed = (0.0, CFL_LIMIT)
         # Fields before a step and before a direction; density and momentum after its first stage.
         self._start, self._before = np.empty((2, *system.fields.shape))
         self._middle = np.empty((2, *system.fields.shape[1:]))
         # Tilt and rest along each axis, where there is no work 1 and 0.
         self._works = {axis: _no_work(system.fields[Q].size) for axis in system.axes}
 
-    def prepare(self) -> None:
+    def start(self) -> None:
         """The pull of the interaction at the present density, where no step has told it yet."""
         # A pull is a magnitude, whatever a checkpoint from elsewhere says.
         np.abs(self.memory, out=self.memory)
         if not self.memory.any():
             self._note_pull(self._potential(0.0))
         self._allowed = self._find_largest_step()
+
+    def restore(self) -> None:
+        """As at the start, but for the pull, which has been restored."""
+        self.start()
 
     @property
     def largest_step(self) -> tuple[float, int]:
@@ -88,11 +106,13 @@ class WellBalancedHeun:
 
     def _find_largest_step(self) -> tuple[float, int]:
         system = self._system
-        limits = system.limits()._replace(sound=SIGNAL, damped=True)
-        shortest = largest_step(system.fields, system.extents, system.terms, system.walls, limits)
+        force = acceleration(system.terms, self._forces.walls)
+        look = _look(system.terms, len(system.system.velocities), limits=True)
+        peaks = treat(system.cells, force, look, self._limit)
+        shortest = self._limit.steps(peaks)
         steps = [shortest[0], shortest[0], shortest[1]]
-        rates = [system.terms.damping, system.terms.damping, system.terms.angular_damping]
-        for d, distance in enumerate(limits.distances):
+        rates = dampings(system.terms, 3)
+        for d, distance in enumerate(self._limit.distances[: len(system.axes)]):
             # dt (distance/step + pull dt/2) = distance, which no cell exceeds; or, where damping
             # holds velocities, dt (distance/step + pull/Gamma) = distance.
             speed = distance / steps[d] if steps[d] > 0.0 else np.inf
@@ -109,8 +129,7 @@ class WellBalancedHeun:
         This happens when the first stage nearly empties a cell whose momentum the second stage uses.
         """
         system = self._system
-        kept = system.left.copy(), self.memory.copy(), system.extents
-        # Half a step ahead: the midpoint rule makes the interaction second order in time.
+        kept = system.outflow.copy(), self.memory.copy(), system.extents
         potential = self._potential(0.5 * dt)
         self._note_pull(potential)
         axes = system.axes
@@ -127,22 +146,22 @@ class WellBalancedHeun:
             self._allowed = allowed
             return True
         _copy(self._start, system.fields)
-        system.left[:], self.memory[:], system.extents = kept
+        system.outflow[:], self.memory[:], system.extents = kept
         return False
 
     def _potential(self, ahead: float) -> Floats | None:
         """U * q, (n, ny, nx), of the density `ahead` of now; None without interaction."""
         system = self._system
-        if system.interaction is None:
+        if self._forces.interaction is None:
             return None
-        density = inside(system.fields)[Q]
+        density = system.inside[Q]
         if ahead:
             for axis in system.axes:
                 self._fill(axis)
             factors = tuple(0.5 * ahead / system.grid.width(axis) for axis in system.axes)
             density = np.empty(system.grid.shape)
             set_ahead(system.fields, system.axes, factors, density)
-        return np.asarray(system.interaction.potential(density), np.float64)
+        return np.asarray(self._forces.interaction.potential(density), np.float64)
 
     def _fill(self, axis: int) -> None:
         system = self._system
@@ -170,15 +189,14 @@ class WellBalancedHeun:
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
-        # The flux needs the tilt only; the rest of the work enters by the source.
-        flux = Kinetic(work[0], system.smooth_part(axis))
+        flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         stage = _Stage(dt / system.grid.width(axis), *_exponential_weights(rate, dt))
         normal = NORMAL[axis]
         stride = math.prod(system.grid.padded[3 + axis + 1 :])
-        left = system.left.copy()
+        before_stages = system.outflow.copy()
         system.transport(flux, axis, dt)
-        source = work, Limits(flux.smooth, system.vacuum)
+        source = work, Limits(system.smooth_part(axis), system.vacuum)
         _push(system.fields, before, system.extents, *source, (normal, stride), stage)
         self._fill(axis)
         # The second stage's source needs density and momentum as the first stage has left them,
@@ -186,7 +204,7 @@ class WellBalancedHeun:
         _copy(system.fields, middle, (Q, normal))
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `_combine`.
-        system.left[:] = 0.5 * (left + system.left)
+        system.outflow[:] = 0.5 * (before_stages + system.outflow)
         components = in_order(system.fields.shape[0], normal)
         states = system.fields, before, middle
         _combine(states, system.extents, *source, components, stride, stage)
@@ -202,7 +220,7 @@ def _no_work(cells: int) -> Floats:
     return np.array([np.ones(cells), np.zeros(cells)])
 
 
-def _steady_forces(system: QSystem) -> Floats:
+def _steady_forces(system: CellFields, walls: AngleForces | None, limit: CellwiseLimit) -> Floats:
     """F_x, F_y, F_bar of all cells without interaction, (2 or 3, na, ny, nx).
 
     Their work is taken by the trapezoidal rule: exact for V1. With the amplitude of V2 raised by
@@ -212,9 +230,17 @@ def _steady_forces(system: QSystem) -> Floats:
     half = 0.5 * system.grid.angle_width
     if terms.amplitude is not None:
         terms = terms._replace(amplitude=terms.amplitude * math.tan(half) / half)
-    steady = np.zeros((system.fields.shape[0] - 1, *system.grid.shape))
-    accelerations(terms, system.walls, steady)
+    steady = np.zeros((len(system.system.velocities), *system.grid.shape))
+    cells = system.cells._replace(extents=system.grid.everywhere, drift=steady)
+    # Vacuum too has the forces that mass will meet there.
+    force = acceleration(terms, walls, vacuum=-math.inf)
+    treat(cells, force, _look(terms, steady.shape[0], limits=False), limit)
     return steady
+
+
+def _look(terms: CellTerms, velocities: int, limits: bool) -> Work:
+    """A pass that changes nothing."""
+    return Work(exact_kick(terms, 0.0, velocities), False, 0.0, limits)
 
 
 def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:

@@ -5,8 +5,8 @@
 
     sigma_1 = 2/(2 gamma + A^2)      sigma_2 = 2/(2 gamma_bar + B^2)
 
-v and omega are given by rho and phi at every moment, they are no unknowns. Both schemes step the
-fields of the rho-equation (`r_grid`) by the splittings of `finite_volume.overdamped`.
+v and omega follow from rho and phi at every moment, they are no unknowns: the system of the
+rho-equation with slaved velocities, which `finite_volume.splitting` steps by its overdamped schemes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.finite_volume.overdamped import CreepingEuler, CreepingHeun
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.from_scene import scene_rates
 from ellipsoid_coupling.models.r_grid import RGridEquation
@@ -32,15 +31,12 @@ class Diffusive(RGridEquation):
 
     names: ClassVar[tuple[str, ...]] = ("diffusive",)
 
-    def __init__(self, name: str, setup: Setup) -> None:
-        super().__init__(
-            name, setup, CreepingEuler() if setup.scheme == "paper" else CreepingHeun()
-        )
+    slaved: ClassVar[bool] = True
 
-    @staticmethod
-    def require_fit(setup: Setup) -> None:
-        """Raise InputError for a grid that does not fit, or where nothing damps."""
-        RGridEquation.require_fit(setup)
+    @classmethod
+    def require_fit(cls, setup: Setup) -> None:
+        """Raise InputError for a grid or a flux that does not fit, or where nothing damps."""
+        super().require_fit(setup)
         _require_damping(setup)
 
 

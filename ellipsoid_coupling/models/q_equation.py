@@ -1,4 +1,4 @@
-"""The q-equations, `eq:macro_q_max` and `eq:macro_q_mono`: density over place and angle.
+"""What the q-equations share, `eq:macro_q_max` and `eq:macro_q_mono`: density over place and angle.
 
     d_t q         + div_r(q v)               + d_theta(q omega)         = 0
     d_t (q v)     + div_r(q v (x) v + p q I) + d_theta(q v omega)       = q S_1 - (A^2/2) q v
@@ -8,7 +8,7 @@
 
 The closure is the pressure coefficient p: 1 Maxwellian, 0 mono-kinetic. Scheme `paper`: FORCE in x,
 y and theta, then implicit Euler. Scheme `accurate`: kick-drift-kick about a ballistic flight where
-there is no pressure, else the scheme of finite_volume/well_balanced.py. `_STEPPERS` names them all.
+there is no pressure, else the scheme of finite_volume/well_balanced.py.
 """
 
 from __future__ import annotations
@@ -19,177 +19,97 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
-from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
+from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
+from ellipsoid_coupling.finite_volume.cells import CellFields
+from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
-from ellipsoid_coupling.finite_volume.q_grid import (
-    QOMEGA,
-    QVX,
-    QVY,
-    Q,
-    QGrid,
-    check_angles,
-    inside,
-    start_angles,
-)
-from ellipsoid_coupling.finite_volume.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
-from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
+from ellipsoid_coupling.finite_volume.q_grid import QGrid, check_angles, start_angles
+from ellipsoid_coupling.finite_volume.system import System, q_system
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
-from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity, distinct_angles
+from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import distinct_angles
 from ellipsoid_coupling.interaction.occupied import occupied_box
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_one_angle, of_start
+from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.stepping.status import MEANING, RUNNING
-from ellipsoid_coupling.stepping.step_control import (
-    CFL,
-    STEPS,
-    TIME,
-    Aside,
-    advance_by_limits,
-    new_clock,
-    step_log,
-)
 
 Floats = NDArray[np.float64]
 
-_STEPPERS: dict[tuple[str, SchemeName], type[QStepper]] = {
-    ("mono_kinetic", "paper"): Godunov,
-    ("maxwellian", "paper"): Godunov,
-    ("mono_kinetic", "accurate"): KickDriftKick,
-    ("maxwellian", "accurate"): WellBalancedHeun,
-}
 
-_STEPS_PER_CALL = 16
-
-
-class QEquation:
-    """`Model` of the q-equations.
+class QEquation(CellModel):
+    """A `Model` of a q-equation, but for its name and closure.
 
     Raises
     ------
     InputError
-        For a grid that does not fit the domain, too few angles, or kernels that fill the memory.
+        For a grid that does not fit the domain, too few angles, a flux that does not fit, or kernels
+        that fill the memory.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("q_maxwellian", "q_mono_kinetic")
+    closure: ClassVar[str]
     layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
-    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup) -> None:
-        self.name = name
-        self._setup = setup
-        closure = name.removeprefix("q_")
-        stepper = _STEPPERS[closure, setup.scheme]
-        self.system = build_system(setup, PRESSURE[closure], stepper.quantity)
-        self.grid = self.system.grid
-        self.stepper: QStepper = stepper(self.system)
-        self.stepper.prepare()
-        self.clock = new_clock(1, np.inf, CFL)
-        self.end, self.aside = float(setup.scene.times[-1]), Aside()
-        # Under pressure characteristics do not cross.
-        single = self.system.pressure == 0.0
-        self._crossing = CrossingDetector(self.system.terms.damping) if single else None
-        self._mass_start = self._mass()
+        scene, system = setup.scene, self.system(setup)
+        shape = potential_shape(scene.particles.length, scene.particles.width)
+        grid = _scene_q_grid(scene)
+        cells = CellFields(
+            system=system,
+            grid=grid,
+            terms=scene_cell_terms(setup, grid.plane),
+            reflecting=setup.terms.reflection,
+            cfl=scene.numerics.cfl,
+            find_forces=AngleGridForces(
+                _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape)
+            ),
+        )
+        cells.inside[0] = _start(grid, scene)
+        cells.look_for_mass()
+        super().__init__(name, setup, cells)
 
-    @staticmethod
-    def require_fit(setup: Setup) -> None:
-        """Raise InputError for a grid that does not fit the domain, or too few angles."""
+    @classmethod
+    def system(cls, setup: Setup) -> System:
+        """The components that the scene needs, and the pressure of the closure."""
+        resolved = _scene_q_grid(setup.scene).angles > 1
+        return q_system(setup.terms.angle, resolved, PRESSURE[cls.closure])
+
+    @classmethod
+    def require_fit(cls, setup: Setup) -> None:
+        """Raise InputError for a grid or a flux that does not fit, or too few angles."""
         grid = _scene_q_grid(setup.scene)
         if setup.terms.angle and grid.angles > 1:
             check_angles(setup.scene.name, grid.angles)
-
-    @property
-    def time(self) -> float:
-        """The time reached."""
-        return float(self.clock[0, TIME])
-
-    def _mass(self) -> float:
-        return float(inside(self.system.fields)[Q].sum() * self.grid.volume)
-
-    def advance(self, until: float) -> None:
-        """Some steps, each as long as the CFL number allows."""
-        status = advance_by_limits(self, until, _STEPS_PER_CALL)
-        if status != RUNNING:
-            raise self._failure(status)
-
-    def allowed_step(self) -> tuple[float, int]:
-        """What the CFL number allows, the acceleration within the step included."""
-        return self.stepper.largest_step
-
-    def try_step(self, dt: float) -> bool:
-        """Step by dt; False, with all as before, if the stepper finds that it was too long."""
-        if not self.stepper.step(dt, int(self.clock[0, STEPS])):
-            return False
-        if self._crossing is not None:
-            system, now = self.system, self.time + dt
-            self._crossing.look(system.fields, self.grid.plane.cell, now, system.extents)
-        return True
-
-    def _failure(self, status: int) -> RunError:
-        what, remedy = MEANING[status]
-        return RunError(
-            f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
-        )
+        flux_of(cls.system(setup), setup)
 
     def snapshot(self) -> Arrays:
         """density, velocity_x, velocity_y, angular_velocity, each (na, ny, nx); 0 in vacuum."""
-        fields = inside(self.system.fields)
-        turns = fields.shape[0] > QOMEGA
+        x, y, *spin = (self._advected(k) for k in self.cells.system.velocities)
         return {
-            "density": fields[Q].copy(),
-            "velocity_x": self._carried(QVX),
-            "velocity_y": self._carried(QVY),
-            "angular_velocity": self._carried(QOMEGA) if turns else np.zeros(self.grid.shape),
+            "density": self.cells.inside[0].copy(),
+            "velocity_x": x,
+            "velocity_y": y,
+            "angular_velocity": spin[0] if spin else np.zeros(self.grid.shape),
         }
 
-    def _carried(self, component: int) -> Floats:
+    def _advected(self, component: int) -> Floats:
         values: Floats = np.zeros(self.grid.shape)
-        box = occupied_box(self.system.extents)
+        box = occupied_box(self.cells.extents)
         if box is not None:
-            fields, here = inside(self.system.fields)[..., *box], values[..., *box]
-            np.divide(fields[component], fields[Q], out=here, where=fields[Q] > 0.0)
+            fields, here = self.cells.inside[..., *box], values[..., *box]
+            np.divide(fields[component], fields[0], out=here, where=fields[0] > 0.0)
         return values
 
-    def state(self) -> Arrays:
-        """What `live` has, of what the run goes on from; see `Aside`."""
-        return self.live() if self.aside.arrays is None else self.aside.arrays
-
-    def live(self) -> Arrays:
-        """Fields, clock, what has left, and what the stepper and the detector remember."""
-        arrays: Arrays = {
-            "fields": self.system.fields,
-            "clock": self.clock,
-            "left": self.system.left,
-            "memory": self.stepper.memory,
-        }
-        if self._crossing is not None:
-            arrays["crossing"] = self._crossing.memory
-        return arrays
-
-    def restore(self, state: Arrays) -> None:
-        """Continue from a `state`."""
-        self.aside = Aside()
-        current = self.live()
-        for name, array in state.items():
-            current[name][...] = array
-        self.system.look_for_mass()
-        self.stepper.prepare()
-
     def spot(self) -> Spot:
-        """The fastest cell; forces as far as the stepper keeps them."""
-        system, forces = self.system, self.stepper.forces
-        fields = inside(system.fields)
-        speeds = np.array([self._carried(k) for k in range(QVX, fields.shape[0])])
-        a, j, i = np.unravel_index(worst(speeds, fields[Q] > 0.0), self.grid.shape)
-        terms, plane = system.terms, self.grid.plane
+        """The fastest cell; forces as far as they are known."""
+        cells, plane = self.cells, self.grid.plane
+        terms, forces = cells.terms, cells.forces
+        speeds = np.array([self._advected(k) for k in cells.system.velocities])
+        a, j, i = np.unravel_index(worst(speeds, cells.inside[0] > 0.0), self.grid.shape)
         strengths = {"its own speed": float(np.abs(speeds[:, a, j, i]).max())}
         if terms.steady is not None:
             strengths[f"{FLUID} with {OUTER}"] = float(np.hypot(*terms.steady[:, j, i]))
@@ -202,15 +122,11 @@ class QEquation:
         place = float(plane.x[i]), float(plane.y[j]), float(self.grid.angle[a])
         return Spot(place, strengths)
 
-    def health(self) -> Health:
-        """Mass, least density, speeds; a bound of the forces where there is no pressure."""
-        mass, least, speeds = survey_cells(self.system.fields)
-        infinite = math.inf, math.inf
-        forces = infinite if self.system.pressure > 0.0 else self._largest_forces()
-        return Health(mass * self.grid.volume, least, speeds, forces)
-
-    def _largest_forces(self) -> tuple[float, float]:
-        terms, forces = self.system.terms, self.stepper.forces
+    def _force_bounds(self) -> tuple[float, float]:
+        """Infinite under pressure, which drives as well."""
+        if self.cells.system.pressure > 0.0:
+            return math.inf, math.inf
+        terms, forces = self.cells.terms, self.cells.forces
         steady, turning = largest_magnitude(terms.steady), 3.0 * largest_magnitude(terms.turning)
         turning += terms.amplitude or 0.0
         if forces is None:
@@ -219,22 +135,11 @@ class QEquation:
         torque = largest_magnitude(forces.torque)
         return steady + pull * terms.inverse_mass, turning + torque * terms.inverse_inertia
 
-    def counts(self) -> Counts:
-        """The steps, the mass balance, if they have, when characteristics crossed, and what to tell."""
-        crossing = {} if self._crossing is None else self._crossing.counts()
-        crossed = math.nan if self._crossing is None else self._crossing.time
-        scene, turns = self._setup.scene, self.system.fields.shape[0] > QOMEGA
-        one = of_one_angle(scene, turns) if self.grid.angles == 1 else []
-        return (
-            step_log(self.clock)
-            | crossing
-            | {
-                "mass_start": self._mass_start,
-                "mass_end": self._mass(),
-                "mass_left": float(self.system.left[0] * self.grid.volume),
-            }
-            | as_counts(of_crossing(crossed), of_start(scene), one)
-        )
+    def warnings(self) -> list[str]:
+        """As every cell equation's, and that one cell stands for all angles."""
+        turns = len(self.cells.system.velocities) > 2
+        one = of_one_angle(self._setup.scene, turns) if self.grid.angles == 1 else []
+        return super().warnings() + one
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""
@@ -242,31 +147,16 @@ class QEquation:
         return {"angle": self.grid.angle, "y": plane.y, "x": plane.x}
 
 
-def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
-    """The scene's grid, start and terms; what it lacks is None."""
-    scene, terms = setup.scene, setup.terms
-    shape = potential_shape(scene.particles.length, scene.particles.width)
-    grid = _scene_q_grid(scene)
-    turns = terms.angle and grid.angles > 1
-    fields = np.zeros((4 if terms.angle else 3, *grid.padded))
-    inside(fields)[Q] = _start(grid, scene)
-    interaction = None
-    if scene.interaction is not None:
-        strength = scene.interaction.strength
-        interaction = AngleGridInteraction(
-            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, pressure)
-        )
-    return QSystem(
-        grid=grid,
-        fields=fields,
-        terms=scene_cell_terms(setup, grid.plane),
-        axes=(-1, -2, -3) if turns else (-1, -2),
-        pressure=pressure,
-        reflecting=terms.reflection,
-        cfl=scene.numerics.cfl,
-        interaction=interaction,
-        walls=_wall_forces(scene, grid, shape),
-    )
+def _interaction(
+    setup: Setup, grid: QGrid, system: System, shape: PotentialShape
+) -> AngleGridInteraction | None:
+    """Of the quantity that the scheme asks for; None without interaction."""
+    scene = setup.scene
+    if scene.interaction is None:
+        return None
+    quantity, strength = stepper_of(system, setup.scheme).quantity, scene.interaction.strength
+    tolerance = _tolerance(scene, system.pressure)
+    return AngleGridInteraction(grid.shape, grid.plane.cell, shape, strength, quantity, tolerance)
 
 
 def _start(grid: QGrid, scene: Scene) -> Floats:
@@ -314,6 +204,3 @@ def _wall_forces(scene: Scene, grid: QGrid, shape: PotentialShape) -> AngleForce
         force_y += frame.normal_y * push[across]
         torque += turning[across]
     return AngleForces(force_x, force_y, torque if shape.shape_factor else None)
-
-
-MODEL = QEquation

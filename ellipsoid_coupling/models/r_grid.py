@@ -1,56 +1,26 @@
-"""What every equation for rho(r), phi(r) on an r-grid shares: fields, drift, steps, results.
-
-A model derives from `RGridEquation`, names itself and hands over its splitting; fields, drift and
-the three operations that a splitting uses (`splitting.SplitEquation`) live here.
-"""
+"""What equations for rho(r), phi(r) on an r-grid share: the angle is carried, F and F_bar are kept."""
 
 from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.threads import threads_for
-from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
-from ellipsoid_coupling.finite_volume.fluxes import AnyFlux
-from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
-from ellipsoid_coupling.finite_volume.grid import (
-    Grid,
-    interior,
-    scene_grid,
-    start_angle,
-    start_density,
-)
-from ellipsoid_coupling.finite_volume.sources import (
-    ANGLE,
-    MOMENTUM_X,
-    MOMENTUM_Y,
-    RHO,
-    SPIN,
-    set_drift,
-)
-from ellipsoid_coupling.finite_volume.splitting import Splitting
+from ellipsoid_coupling.finite_volume.cell_forces import MeanAngleForces
+from ellipsoid_coupling.finite_volume.cells import CellFields
+from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
+from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
+from ellipsoid_coupling.finite_volume.q_grid import RGrid
+from ellipsoid_coupling.finite_volume.system import System, rho_system
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
-from ellipsoid_coupling.interaction.grid_forces import Forces
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.base import Arrays, Setup
+from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.run_warnings import as_counts, of_mixed_angles, of_start
+from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.stepping.status import MEANING, NOT_FINITE, RUNNING
-from ellipsoid_coupling.stepping.step_control import (
-    CFL,
-    STEPS,
-    TIME,
-    Aside,
-    advance_by_limits,
-    new_clock,
-    step_log,
-)
 
 Floats = NDArray[np.float64]
 
@@ -62,212 +32,98 @@ _CELLS_PER_CALL = 16_000
 _CELLS_PER_THREAD = 5000
 
 
-class RGridEquation:
-    """A `Model` but for its names; `splitting` steps it.
-
-    Attributes
-    ----------
-    fields : (5, ny + 4, nx + 4) float64, or 3 components where nothing turns
-        rho, rho v_x, rho v_y, rho phi, rho omega; padded by two ghost layers.
-    drift : (3 or 2, ny, nx)
-        F_x, F_y and F_bar of `finite_volume.sources`, at the present fields.
-    """
+class RGridEquation(CellModel):
+    """A `CellModel` of rho, rho v_x, rho v_y and, where something turns, rho phi and rho omega."""
 
     layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
-    together: ClassVar[bool] = True
+    slaved: ClassVar[bool] = False
 
-    def __init__(self, name: str, setup: Setup, splitting: Splitting) -> None:
-        self.name = name
-        self._setup = setup
-        scene = setup.scene
-        self.grid: Grid = scene_grid(scene)
-        self.terms = scene_cell_terms(setup, self.grid)
-        self._interaction, self._walls = _scene_interaction(setup, self.grid)
-        self._splitting = splitting
-        steps = _CELLS_PER_CALL // (self.grid.nx * self.grid.ny)
-        self._steps_per_call = min(max(steps, _STEPS_PER_CALL), _MOST_STEPS_PER_CALL)
-        # The density that mass 1 has all over the domain, a small part of it.
-        self._vacuum = VACUUM / (scene.domain.width * scene.domain.height)
-        self.fields = np.zeros((5 if setup.terms.angle else 3, *self.grid.padded))
-        interior(self.fields)[RHO] = start_density(self.grid, scene)
-        self._start_angle = start_angle(self.grid, scene)
-        if setup.terms.angle:
-            interior(self.fields)[ANGLE] = interior(self.fields)[RHO] * self._start_angle
-        self.drift = np.zeros((self.fields.shape[0] // 2 + 1, *self.grid.shape))
-        self.clock = new_clock(1, np.inf, CFL)
-        self.end, self.aside = float(scene.times[-1]), Aside()
-        self._mass_start = self._mass()
-        # What has left through open edges, in units of a cell's density.
-        self._left = np.zeros(1)
-        # What a refused step gives back; new arrays in every step would cost as much as a sweep.
-        arrays = (self.fields, self.drift, self._left) if splitting.refuses else ()
-        self._kept = [np.empty_like(array) for array in arrays]
-        splitting.start(self)
+    def __init__(self, name: str, setup: Setup) -> None:
+        scene, plane = setup.scene, scene_grid(setup.scene)
+        steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
+        self.steps_per_call = max(steps, _STEPS_PER_CALL)
+        self._forces = MeanAngleForces(*_scene_interaction(setup, plane), start_angle(plane, scene))
+        cells = CellFields(
+            system=self.system(setup),
+            grid=RGrid(plane),
+            terms=scene_cell_terms(setup, plane),
+            reflecting=setup.terms.reflection,
+            cfl=scene.numerics.cfl,
+            find_forces=self._forces,
+        )
+        density = start_density(plane, scene)
+        cells.inside[0] = density
+        for k in cells.system.carried_angle:
+            cells.inside[k] = density * self._forces.start_angle
+        super().__init__(name, setup, cells)
 
-    @property
-    def cell(self) -> float:
-        """The cell width h."""
-        return self.grid.cell
+    @classmethod
+    def system(cls, setup: Setup) -> System:
+        """The components that the scene needs."""
+        return rho_system(setup.terms.angle, cls.slaved)
 
-    @staticmethod
-    def require_fit(setup: Setup) -> None:
-        """Raise InputError where the cells do not divide the domain."""
+    @classmethod
+    def require_fit(cls, setup: Setup) -> None:
+        """Raise InputError where the cells do not divide the domain, or for a flux that does not fit."""
         scene_grid(setup.scene)
+        flux_of(cls.system(setup), setup)
 
     @property
-    def time(self) -> float:
-        """The time reached."""
-        return float(self.clock[0, TIME])
+    def fields(self) -> Floats:
+        """Padded fields of the plane, (5 or 3, ny + 4, nx + 4)."""
+        return self.cells.fields[:, 0]
 
-    def _mass(self) -> float:
-        return float(interior(self.fields)[RHO].sum() * self.cell**2)
-
-    def transport(self, flux: AnyFlux, dt: float, x_first: bool) -> None:
-        """Move all fields along x and y, or y and x, for dt, boundary conditions included."""
-        reflecting = self._setup.terms.reflection
-        plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())
-        thin, flat = flux._replace(vacuum=self._vacuum), self.fields.reshape(len(self.fields), -1)
-        move = Move(x_first, dt / self.cell, reflecting)
-        gone = sweep_planes(thin, flat, plane, strips, spans, move)
-        if not reflecting:
-            self._left += gone
-
-    def evaluate_drift(self) -> None:
-        """F and F_bar of the present fields, interaction and walls included."""
-        set_drift(self.fields, self.terms, self.forces(), self.drift)
-
-    def forces(self) -> Forces | None:
-        """Interaction and walls at the present fields; None without interaction."""
-        if self._interaction is None:
-            return None
-        density = np.ascontiguousarray(interior(self.fields)[RHO])
-        angle = self._mean_angle()
-        forces = self._interaction(density, angle)
-        if self._walls is not None:
-            self._walls.add_to(forces, density, angle)
-        return forces
-
-    def _carried(self, component: int) -> Floats:
-        """A carried quantity a = (rho a)/rho, (ny, nx); 0 in vacuum."""
-        rho = interior(self.fields)[RHO]
-        values = interior(self.fields)[component]
-        return np.asarray(np.divide(values, rho, out=np.zeros_like(rho), where=rho > 0.0))
-
-    def _mean_angle(self) -> Floats:
-        if self._setup.terms.angle:
-            return self._carried(ANGLE)
-        return self._start_angle.copy()
+    @property
+    def drift(self) -> Floats:
+        """F_x, F_y and, where something turns, F_bar at the present fields, (3 or 2, ny, nx)."""
+        return self.cells.drift[:, 0]
 
     def advance(self, until: float) -> None:
-        """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
-        with threads_for(self.grid.nx * self.grid.ny, _CELLS_PER_THREAD):
-            status = advance_by_limits(self, until, self._steps_per_call)
-        if status != RUNNING and not np.isfinite(self.drift).all():
-            status = NOT_FINITE
-        if status != RUNNING:
-            raise self._failure(status)
+        """As every cell equation, on as many threads as the grid is worth."""
+        plane = self.grid.plane
+        with threads_for(plane.nx * plane.ny, _CELLS_PER_THREAD):
+            super().advance(until)
 
-    def allowed_step(self) -> tuple[float, int]:
-        """What the CFL number, the force and the torque allow, see `Splitting.largest_step`."""
-        return self._splitting.largest_step(self, self._setup.scene.numerics.cfl)
-
-    def try_step(self, dt: float) -> bool:
-        """Step by dt; False, with all fields as before, if that was too long."""
-        count = int(self.clock[0, STEPS])
-        if not self._splitting.refuses:
-            return self._splitting.step(self, dt, count)
-        arrays = self.fields, self.drift, self._left
-        for kept, array in zip(self._kept, arrays, strict=True):
-            np.copyto(kept, array)
-        if self._splitting.step(self, dt, count):
-            return True
-        for kept, array in zip(self._kept, arrays, strict=True):
-            np.copyto(array, kept)
-        return False
-
-    def _failure(self, status: int) -> RunError:
-        what, remedy = MEANING[status]
-        return RunError(
-            f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
-        )
+    def _advected(self, component: int) -> Floats:
+        """A quantity a = (rho a)/rho, (ny, nx); 0 in vacuum."""
+        rho, content = self.cells.inside[0, 0], self.cells.inside[component, 0]
+        return np.asarray(np.divide(content, rho, out=np.zeros_like(rho), where=rho > 0.0))
 
     def snapshot(self) -> Arrays:
         """density, mean_angle, velocity_x, velocity_y, angular_velocity, each (ny, nx)."""
-        turns = self._setup.terms.angle
+        x, y, *spin = (self._advected(k) for k in self.cells.system.velocities)
         return {
-            "density": interior(self.fields)[RHO].copy(),
-            "mean_angle": self._mean_angle() + self._setup.scene.start.turns,
-            "velocity_x": self._carried(MOMENTUM_X),
-            "velocity_y": self._carried(MOMENTUM_Y),
-            "angular_velocity": self._carried(SPIN) if turns else np.zeros(self.grid.shape),
+            "density": self.cells.inside[0, 0].copy(),
+            "mean_angle": self._forces.mean_angle(self.cells) + self._setup.scene.start.turns,
+            "velocity_x": x,
+            "velocity_y": y,
+            "angular_velocity": spin[0] if spin else np.zeros(self.grid.plane.shape),
         }
-
-    def state(self) -> Arrays:
-        """Fields, drift, clock and what has left, of what the run goes on from; see `Aside`."""
-        return self.live() if self.aside.arrays is None else self.aside.arrays
-
-    def live(self) -> Arrays:
-        """Fields, drift, clock and what has left, as they are shown now."""
-        return {
-            "fields": self.fields,
-            "drift": self.drift,
-            "clock": self.clock,
-            "left": self._left,
-        }
-
-    def restore(self, state: Arrays) -> None:
-        """Continue from a `state`."""
-        self.aside = Aside()
-        current = self.live()
-        for name, array in state.items():
-            current[name][...] = array
-        self._splitting.restore(self)
 
     def spot(self) -> Spot:
         """The cell where the drift is strongest."""
-        j, i = np.unravel_index(
-            worst(self.drift, interior(self.fields)[RHO] > 0.0), self.grid.shape
-        )
+        plane, terms = self.grid.plane, self.cells.terms
+        where = worst(self.drift, self.cells.inside[0, 0] > 0.0)
+        j, i = np.unravel_index(where, plane.shape)
         drift = self.drift[:, j, i]
-        steady = np.zeros(2) if self.terms.steady is None else self.terms.steady[:, j, i]
-        terms = {
+        steady = np.zeros(2) if terms.steady is None else terms.steady[:, j, i]
+        strengths = {
             f"{FLUID} with {OUTER}": float(np.hypot(*steady)),
             PAIRS: float(np.hypot(*(drift[:2] - steady))),
             TORQUE: float(np.abs(drift[2:]).max(initial=0.0)),
         }
-        return Spot((float(self.grid.x[i]), float(self.grid.y[j])), terms)
+        return Spot((float(plane.x[i]), float(plane.y[j])), strengths)
 
-    def health(self) -> Health:
-        """Mass, least density, speeds, and the drift's largest components."""
-        mass, least, speeds = survey_cells(self.fields)
-        found = self._splitting.found
-        if found is not None:
-            forces = found.force, found.torque
-        else:
-            forces = largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
-        return Health(mass * self.cell**2, least, speeds, forces)
+    def _force_bounds(self) -> tuple[float, float]:
+        return largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
 
-    def counts(self) -> Counts:
-        """The steps, the mass balance, and what should be told."""
-        return (
-            step_log(self.clock)
-            | {
-                "mass_start": self._mass_start,
-                "mass_end": self._mass(),
-                "mass_left": float(self._left[0] * self.cell**2),
-            }
-            | as_counts(self.told())
-        )
-
-    def told(self) -> list[str]:
-        """Sentences for `Result.warnings`."""
-        scene = self._setup.scene
-        return of_start(scene) + of_mixed_angles(scene)
+    def warnings(self) -> list[str]:
+        """As every cell equation's, and where start angles are mixed."""
+        return super().warnings() + of_mixed_angles(self._setup.scene)
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""
-        return {"y": self.grid.y, "x": self.grid.x}
+        return {"y": self.grid.plane.y, "x": self.grid.plane.x}
 
 
 def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None, WallTable | None]:

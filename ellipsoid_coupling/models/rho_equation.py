@@ -15,46 +15,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
-from ellipsoid_coupling.finite_volume.splitting import GodunovSplitting, KickDriftKick, Splitting
-from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.r_grid import RGridEquation
-from ellipsoid_coupling.models.run_warnings import of_crossing
-from ellipsoid_coupling.physics.closure import PRESSURE
 
 
 class RhoEquation(RGridEquation):
     """`Model` of the rho-equation."""
 
     names: ClassVar[tuple[str, ...]] = ("rho_mono_kinetic",)
-
-    def __init__(self, name: str, setup: Setup) -> None:
-        splitting: Splitting = (
-            GodunovSplitting(PRESSURE["mono_kinetic"])
-            if setup.scheme == "paper"
-            else KickDriftKick()
-        )
-        super().__init__(name, setup, splitting)
-        self._crossing = CrossingDetector(self.terms.damping)
-
-    def try_step(self, dt: float) -> bool:
-        """As every r-grid equation's, with a look at the characteristics where it was taken."""
-        taken = super().try_step(dt)
-        if taken:
-            self._crossing.look(self.fields, self.cell, self.time + dt)
-        return taken
-
-    def live(self) -> Arrays:
-        """Fields, drift, clock and what the crossing detector remembers."""
-        return super().live() | {"crossing": self._crossing.memory}
-
-    def counts(self) -> Counts:
-        """As every r-grid equation's and, if they have, when characteristics crossed."""
-        return super().counts() | self._crossing.counts()
-
-    def told(self) -> list[str]:
-        """As every r-grid equation's, and that characteristics have crossed."""
-        return super().told() + of_crossing(self._crossing.time)
 
 
 MODEL = RhoEquation

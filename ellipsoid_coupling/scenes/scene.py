@@ -291,7 +291,7 @@ class Numerics(Part):
     particle step (in particle lengths and radian); `cfl` is the CFL number of the grids;
     `interaction` chooses how a grid's interaction integral is summed ("direct": to rounding) and
     `harmonics_tolerance` how exactly (relative to the largest possible force; from 1e-4 on in single
-    precision).
+    precision); `flux` names the numerical flux of the grids, else it is the scheme's own.
     """
 
     cell: Positive
@@ -301,6 +301,7 @@ class Numerics(Part):
     cfl: Annotated[float, Field(ge=LEAST_CFL, le=1)] = 0.9
     interaction: Literal["auto", "direct", "harmonics"] = "auto"
     harmonics_tolerance: Annotated[Positive, Field(ge=LEAST_HARMONICS_TOLERANCE)] = 2e-2
+    flux: Line | None = None
 
 
 class Scene(Part):

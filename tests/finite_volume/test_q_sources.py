@@ -17,13 +17,16 @@ from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     set_work,
 )
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, inside, occupied_extents
-from ellipsoid_coupling.finite_volume.q_sources import (
-    Limits,
-    accelerations,
-    kick_exactly,
-    largest_step,
+from ellipsoid_coupling.finite_volume.sources import (
+    Acceleration,
+    Cells,
+    Work,
+    acceleration,
+    dampings,
+    exact_kick,
+    treat,
 )
-from ellipsoid_coupling.finite_volume.sources import exact_kick
+from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 
 Floats = NDArray[np.float64]
@@ -81,14 +84,36 @@ def expected_drift(terms: CellTerms, forces: AngleForces | None, components: int
     return drift
 
 
+def cells_of(fields: Floats) -> Cells:
+    """What sources see of padded fields; the drift is not kept."""
+    each, none = tuple(range(len(fields))), np.zeros((len(fields) - 1, 0, ROWS, COLUMNS))
+    return Cells(fields, occupied_extents(fields), none, each[:-1], each, (), ())
+
+
+def do(
+    cells: Cells,
+    terms: CellTerms,
+    force: Acceleration,
+    dt: float | None = None,
+    limit: CellwiseLimit | None = None,
+) -> Floats:
+    """One pass: a kick over dt, if any, and what a limit reaches, if there is one."""
+    velocities = len(cells.rates)
+    work = Work(exact_kick(terms, dt or 0.0, velocities), dt is not None, 0.0, limit is not None)
+    zero = (0.0,) * velocities
+    return treat(cells, force, work, limit or CellwiseLimit(cells.rates, zero, zero, zero))
+
+
 @pytest.mark.parametrize("components", [3, 4])
 @pytest.mark.parametrize("kind", [None, np.float32, np.float64])
 def test_accelerations_are_their_formula(components: int, kind: type[np.floating] | None) -> None:
     """To rounding, forces in single precision taken as they are."""
     turns = components == 4
     terms, forces = some_terms(turns), some_forces(turns, kind) if kind else None
-    out = np.full((components - 1, *GRID), np.nan)
-    accelerations(terms, forces, out)
+    cells, out = cells_of(some_fields(components)), np.full((components - 1, *GRID), np.nan)
+    whole = np.broadcast_to(np.array([0, COLUMNS]), (ANGLES, ROWS, 2)).copy()
+    cells = cells._replace(extents=whole, drift=out)
+    do(cells, terms, acceleration(terms, forces, vacuum=-math.inf))
     np.testing.assert_allclose(out, expected_drift(terms, forces, components), rtol=1e-13)
 
 
@@ -100,11 +125,9 @@ def test_a_kick_is_the_exact_solution(components: int, kind: type[np.floating] |
     terms, forces = some_terms(turns), some_forces(turns, kind) if kind else None
     fields = some_fields(components)
     inner, drift = inside(fields).copy(), expected_drift(terms, forces, components)
-    steps = kick_exactly(fields, occupied_extents(fields), terms, forces, dt)
-    assert steps == (math.inf, math.inf)
-    change = exact_kick(terms, dt)
-    decay = np.array([change.decay, change.decay, change.spin_decay])[: components - 1]
-    gain = np.array([change.gain, change.gain, change.spin_gain])[: components - 1]
+    assert not do(cells_of(fields), terms, acceleration(terms, forces), dt).any()
+    change = exact_kick(terms, dt, components - 1)
+    decay, gain = np.array(change.decay), np.array(change.gain)
     scaled = decay[:, None, None, None] * inner[1:] + gain[:, None, None, None] * inner[0] * drift
     np.testing.assert_allclose(inside(fields)[1:], scaled, rtol=1e-12, atol=1e-14)
     assert np.array_equal(inside(fields)[0], inner[0])
@@ -127,11 +150,13 @@ def test_the_largest_step_moves_the_fastest_cell_just_so_far(damped: bool, sound
         np.testing.assert_allclose(dt * (speed + 0.5 * change * dt), distances[d], rtol=1e-12)
         longer = np.maximum(dt, distances[d] / (speed + change / rate)) if damped else dt
         expected.append(longer.min())
-    limits = Limits(distances, sound, damped)
-    found = largest_step(fields, occupied_extents(fields), terms, forces, limits)
+    reach = tuple(distances.tolist())
+    limit = CellwiseLimit((0, 1, 2), reach, dampings(terms, 3), reach, sound, damped)
+    force = acceleration(terms, forces)
+    found = limit.steps(do(cells_of(fields), terms, force, limit=limit))
     assert found == pytest.approx((min(expected[:2]), expected[2]), rel=1e-12)
     inside(fields)[2][held] = np.nan
-    assert largest_step(fields, occupied_extents(fields), terms, forces, limits)[0] == 0.0
+    assert limit.steps(do(cells_of(fields), terms, force, limit=limit))[0] == 0.0
 
 
 @pytest.mark.parametrize("axis", [-1, -2, -3])

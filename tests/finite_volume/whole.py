@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, interior
-from ellipsoid_coupling.finite_volume.sources import ANGLE, MOMENTUM_X, RHO, SPIN, Kick
+from ellipsoid_coupling.finite_volume.sources import Kick
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
 
 Floats = NDArray[np.float64]
@@ -66,10 +66,7 @@ def sweep(
 def kick(fields: Floats, drift: Floats, change: Kick, turning: float = 0.0) -> None:
     """V and omega of an r-grid become decay v + gain F; then phi += turning omega. In place."""
     inner = interior(fields)
-    decays = change.decay, change.decay, change.spin_decay
-    gains = change.gain, change.gain, change.spin_gain
-    carried = (MOMENTUM_X, MOMENTUM_X + 1, SPIN)[: len(drift)]
-    for k, rate, decay, gain in zip(carried, drift, decays, gains, strict=False):
-        inner[k] = decay * inner[k] + gain * inner[RHO] * rate
-    if len(fields) > SPIN:
-        inner[ANGLE] += turning * inner[SPIN]
+    for k, rate, decay, gain in zip((1, 2, 4), drift, change.decay, change.gain, strict=False):
+        inner[k] = decay * inner[k] + gain * inner[0] * rate
+    if len(fields) > 4:
+        inner[3] += turning * inner[4]

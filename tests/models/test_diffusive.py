@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.finite_volume.overdamped import mobilities, settle
-from ellipsoid_coupling.finite_volume.sources import ANGLE, RHO
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SchemeName, Setup, build_model
 from ellipsoid_coupling.models.diffusive import Diffusive
@@ -51,10 +49,9 @@ def bump(x: Floats, y: Floats) -> Floats:
 
 def start_from(model: Diffusive, density: Floats, angle: Floats) -> None:
     """Put the model to a given start; both fields (ny, nx)."""
-    interior(model.fields)[RHO] = density
-    interior(model.fields)[ANGLE] = density * angle
-    model.evaluate_drift()
-    settle(model.fields, model.drift, mobilities(model.terms), 1.0, 0.0)
+    interior(model.fields)[0] = density
+    interior(model.fields)[3] = density * angle
+    model.stepper.start()
 
 
 def stretched(model: Diffusive, time: float) -> tuple[Floats, Floats]:
@@ -63,7 +60,7 @@ def stretched(model: Diffusive, time: float) -> tuple[Floats, Floats]:
     Without interaction v = gamma u/(gamma + A^2/2), here u/2, and omega = lambda sin(2 phi)/2, so
     x = x0 e^(-t/2), y = y0 e^(t/2) and tan(phi) = tan(phi0) e^(lambda t).
     """
-    x, y = np.meshgrid(model.grid.x, model.grid.y)
+    x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
     x0, y0 = x * math.exp(0.5 * time), y * math.exp(-0.5 * time)
     factor = 0.6  # (l^2 - d^2)/(l^2 + d^2) at aspect ratio 2
     angle = np.arctan(np.tan(0.5 + 0.25 * x0) * math.exp(factor * time))
@@ -106,10 +103,10 @@ def test_accurate_is_second_order_in_time_where_the_drift_turns(rotation_flow: F
     # by dt/2 of the radius per unit of time (1 % here); Heun's rule is off by its third-order error
     # and by the grid's, together below 1e-4.
     model = model_of(scene_with("rotation", 0.02, interaction=None), "accurate", rotation_flow)
-    x, y = np.meshgrid(model.grid.x, model.grid.y)
+    x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
     start_from(model, bump(x, y), np.zeros_like(x))
     radius = np.hypot(x, y)
-    before = float((radius**2 * interior(model.fields)[RHO]).sum() * 0.02**2)
+    before = float((radius**2 * interior(model.fields)[0]).sum() * 0.02**2)
     run(model, 1.0)
     density = fields_of(model)["density"]
     assert float((radius**2 * density).sum() * 0.02**2) == pytest.approx(before, rel=1e-3)
@@ -129,7 +126,7 @@ def test_one_filled_cell_follows_the_particle(scheme: SchemeName, rotation_flow:
     model = model_of(Scene.model_validate(table), scheme, rotation_flow)
     found = fields_of(model)
     j, i = np.argwhere(found["density"] > 0.0)[0]
-    x, y = model.grid.x[i], model.grid.y[j]
+    x, y = model.grid.plane.x[i], model.grid.plane.y[j]
     assert found["velocity_x"][j, i] == pytest.approx((2.0 * y - 3.0 * x) / 2.0, rel=1e-12)
     assert found["velocity_y"][j, i] == pytest.approx((-2.0 * x - 3.0 * y) / 2.0, rel=1e-12)
     assert found["angular_velocity"][j, i] == pytest.approx(-1.0, rel=1e-12)
@@ -166,7 +163,7 @@ def test_interaction_pushes_apart(scheme: SchemeName, stagnation_flow: FlowField
         model = model_of(Scene.model_validate(table), scheme, stagnation_flow)
         run(model, 0.1)
         density = fields_of(model)["density"]
-        width.append((density * model.grid.x**2).sum())
+        width.append((density * model.grid.plane.x**2).sum())
     assert width[1] > 1.02 * width[0]
 
 
@@ -200,7 +197,7 @@ def test_circles_that_nothing_turns_keep_their_angle() -> None:
     run(model, 0.2)
     found = fields_of(model)
     density = found["density"]
-    mean = (density * model.grid.x).sum() / density.sum()
+    mean = (density * model.grid.plane.x).sum() / density.sum()
     # The mean follows exp(-2 t) to the scheme's second order: dt is 0.025 here.
     assert mean == pytest.approx(2.5 * math.exp(-0.4), rel=2e-3)
     assert np.all(found["mean_angle"] == 0.0)

@@ -12,14 +12,16 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.q_grid import QOMEGA, QVX, QVY, Q, inside
-from ellipsoid_coupling.finite_volume.q_splitting import QSystem
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models import Setup
 from ellipsoid_coupling.models import q_equation as module
 from ellipsoid_coupling.models.q_equation import QEquation
+from ellipsoid_coupling.models.q_maxwellian import QMaxwellian
+from ellipsoid_coupling.models.q_mono_kinetic import QMonoKinetic
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
@@ -36,7 +38,8 @@ CROSSING = 2.4184
 def model_of(
     scene: Scene, name: str, flow: FlowField | None = None, scheme: Any = "accurate"
 ) -> QEquation:
-    return QEquation(name, Setup(scene, terms_of(scene, name), scheme, flow, 0, 1))
+    model = {MONO: QMonoKinetic, MAXWELL: QMaxwellian}[name]
+    return model(name, Setup(scene, terms_of(scene, name), scheme, flow, 0, 1))
 
 
 def run(model: QEquation, until: float) -> QEquation:
@@ -47,12 +50,12 @@ def run(model: QEquation, until: float) -> QEquation:
 
 def means(model: QEquation) -> Floats:
     """Mean velocity x, velocity y and angular velocity."""
-    fields = inside(model.system.fields)
+    fields = inside(model.cells.fields)
     return np.asarray(fields[1:].sum(axis=(1, 2, 3)) / fields[Q].sum())
 
 
 def mean_x(model: QEquation) -> float:
-    q = inside(model.system.fields)[Q].sum(axis=(0, 1))
+    q = inside(model.cells.fields)[Q].sum(axis=(0, 1))
     return float((q * model.grid.plane.x).sum() / q.sum())
 
 
@@ -98,13 +101,13 @@ def smooth_start(model: QEquation, width: float) -> None:
     x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
     angle = model.grid.angle[:, None, None]
     q = np.exp(-((x - 0.2) ** 2 + (y + 0.1) ** 2) / (2.0 * width**2)) * (1.2 + np.cos(angle - 0.4))
-    fields = inside(model.system.fields)
+    fields = inside(model.cells.fields)
     fields[Q] = q / (q.sum() * model.grid.volume)
     fields[QVX], fields[QVY] = -0.3 * x * fields[Q], 0.3 * y * fields[Q]
     fields[QOMEGA] = 0.3 * np.sin(angle) * fields[Q]
-    model.system.look_for_mass()
+    model.cells.look_for_mass()
     model.stepper.memory[:] = 0.0
-    model.stepper.prepare()
+    model.stepper.start()
 
 
 def exact_density(x: Floats, y: Floats, t: float) -> Floats:
@@ -135,7 +138,7 @@ def test_free_flight_has_the_jacobians_density(
         smooth_start(model, 0.15)
         run(model, 0.5)
         x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
-        rho = inside(model.system.fields)[Q].sum(axis=0) * model.grid.angle_width
+        rho = inside(model.cells.fields)[Q].sum(axis=0) * model.grid.angle_width
         errors.append(np.abs(rho - exact_density(x, y, 0.5)).sum() * cell**2)
     assert math.log2(errors[1] / errors[2]) == pytest.approx(order, abs=0.3)
 
@@ -156,7 +159,7 @@ def refine(name: str, scheme: str, coarsest: int, until: float) -> float:
         settings["numerics.cfl"] = 0.3  # so many steps that rounding their number up does not show
         model = model_of(load_scene("stationary", settings), name, None, scheme)
         smooth_start(model, 1.5)
-        solutions.append(inside(run(model, until).system.fields).copy())
+        solutions.append(inside(run(model, until).cells.fields).copy())
     errors = [
         np.abs(a - coarser(b)).sum() / np.abs(a).sum() for a, b in itertools.pairwise(solutions)
     ]
@@ -181,9 +184,11 @@ def test_order_of_the_maxwellian_closure_with_all_terms(
     next three. Where it keeps all along the angle the coarsest grid errs by 0.042 instead of 0.066: 1.98.
     """
     if not limited:
-        smooth_part = QSystem.smooth_part
+        smooth_part = CellFields.smooth_part
         monkeypatch.setattr(
-            QSystem, "smooth_part", lambda s, axis: math.inf if axis == -3 else smooth_part(s, axis)
+            CellFields,
+            "smooth_part",
+            lambda s, axis: math.inf if axis == -3 else smooth_part(s, axis),
         )
     assert refine(MAXWELL, "accurate", 16, 0.3) == pytest.approx(order, abs=0.15)
 
@@ -208,10 +213,10 @@ def test_the_state_at_rest_stays(interacting: bool, angles: int) -> None:
     scene = load_scene("stationary", settings)
     model = model_of(scene, MAXWELL)
     rest = rest_state(model, scene, interacting)
-    fields = inside(model.system.fields)
+    fields = inside(model.cells.fields)
     fields[:], fields[Q] = 0.0, rest
-    model.system.look_for_mass()
-    model.stepper.prepare()
+    model.cells.look_for_mass()
+    model.stepper.start()
     run(model, 1.0)
     assert np.linalg.norm(fields[Q] - rest) <= 1e-13 * np.linalg.norm(rest)
 
@@ -234,7 +239,7 @@ def test_sound_travels_at_speed_1() -> None:
     box = {"start.x": [-6.0, 6.0], "start.y": [-6.0, 6.0], "numerics.cell": 0.1}
     thin = {"domain.y": [-0.2, 0.2], "start.y": [-0.2, 0.2], "domain.boundary": "reflecting"}
     model = model_of(load_scene("stationary", settings | box | thin), MAXWELL)
-    fields, x = inside(model.system.fields), model.grid.plane.x
+    fields, x = inside(model.cells.fields), model.grid.plane.x
     even = fields[Q, 0, 0, 0]
     fields[Q, 0] *= 1.0 + 1e-3 * np.exp(-2.0 * x**2)
     run(model, 3.0)
@@ -252,7 +257,7 @@ def test_density_stays_positive_and_mass_to_rounding(
     settings = {"numerics.cell": 0.1, "numerics.angle_cells": 8, "particles.inertia": 0.1}
     model = model_of(load_scene("rotation", settings | walls), name, rotation_flow, scheme)
     run(model, 0.5)
-    assert inside(model.system.fields)[Q].min() >= 0.0
+    assert inside(model.cells.fields)[Q].min() >= 0.0
     assert model.counts()["mass_end"] == pytest.approx(1.0, abs=1e-13)
     assert model.counts()["mass_left"] == 0.0
 
@@ -281,8 +286,8 @@ def test_one_angle_without_torque_is_the_rho_equation(
     assert model.grid.angles == 1
     for dt, count in ((0.02, 0), (0.05, 1), (0.05, 2)):
         model.stepper.step(dt, count)
-        rho._splitting.step(rho, dt, count)
-    found = inside(model.system.fields)[:, 0] * 2.0 * math.pi
+        rho.stepper.step(dt, count)
+    found = inside(model.cells.fields)[:, 0] * 2.0 * math.pi
     np.testing.assert_allclose(found, interior(rho.fields)[:3], atol=1e-10)
 
 
@@ -318,7 +323,7 @@ def test_a_restart_goes_on_bit_for_bit(name: str, scheme: str, rotation_flow: Fl
     second = model_of(scene, name, rotation_flow, scheme)
     second.restore({k: v.copy() for k, v in first.state().items()})
     run(second, 0.4)
-    np.testing.assert_array_equal(inside(second.system.fields), inside(whole.system.fields))
+    np.testing.assert_array_equal(inside(second.cells.fields), inside(whole.cells.fields))
     assert second.counts() == pytest.approx(whole.counts(), nan_ok=True, abs=0.0)
 
 
@@ -329,7 +334,7 @@ def test_same_bits_on_one_and_two_threads(name: str, rotation_flow: FlowField) -
     fields = []
     for threads in (1, min(2, before)):
         numba.set_num_threads(threads)
-        fields.append(inside(run(model_of(scene, name, rotation_flow), 0.2).system.fields))
+        fields.append(inside(run(model_of(scene, name, rotation_flow), 0.2).cells.fields))
     numba.set_num_threads(before)
     np.testing.assert_array_equal(fields[0], fields[1])
 
@@ -348,9 +353,9 @@ def test_what_does_not_turn_is_neither_stored_nor_swept(rotation_flow: FlowField
     """Ellipses that nothing turns: three fields, and only the start angle's plane is visited."""
     still = FREE | {"flow.angular_drag": 0.0, "numerics.cell": 0.1}
     model = run(model_of(load_scene("rotation", still), MONO, rotation_flow), 0.2)
-    assert model.system.fields.shape[0] == 3
-    assert model.system.axes == (-1, -2)
-    assert np.flatnonzero(model.system.extents[..., 1].any(axis=1)).tolist() == [15]
+    assert model.cells.fields.shape[0] == 3
+    assert model.cells.axes == (-1, -2)
+    assert np.flatnonzero(model.cells.extents[..., 1].any(axis=1)).tolist() == [15]
     assert not model.snapshot()["angular_velocity"].any()
 
 
@@ -367,9 +372,9 @@ def test_a_snapshot_has_the_results_layout(rotation_flow: FlowField) -> None:
 def test_bad_grids_and_lost_solutions_are_reported(rotation_flow: FlowField) -> None:
     few = load_scene("rotation", {"numerics.angle_cells": 2})
     with pytest.raises(InputError, match="angle_cells"):
-        QEquation.require_fit(Setup(few, terms_of(few, MONO), "accurate", None, 0, 1))
+        QMonoKinetic.require_fit(Setup(few, terms_of(few, MONO), "accurate", None, 0, 1))
     settings = FREE | {"numerics.cell": 0.1, "numerics.angle_cells": 8}
     model = model_of(load_scene("rotation", settings), MONO, rotation_flow)
-    inside(model.system.fields)[QVX] = np.nan
+    inside(model.cells.fields)[QVX] = np.nan
     with pytest.raises(RunError, match="no longer finite"):
         model.advance(1.0)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compare import errors_against, exact_reference
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.finite_volume.sources import exact_kick, extremes
+from ellipsoid_coupling.finite_volume.sources import exact_kick
+from ellipsoid_coupling.finite_volume.step_limits import extremes_of
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.models import Setup
@@ -20,7 +21,6 @@ from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
 from ellipsoid_coupling.simulation import scene_flow, simulate
-from tests.finite_volume.whole import kick
 
 Floats = NDArray[np.float64]
 BOTH = pytest.mark.parametrize("scheme", ["paper", "accurate"])
@@ -65,7 +65,7 @@ def smooth_scene(cell: float) -> Scene:
 
 def smooth_start(model: RhoEquation) -> None:
     """A Gaussian of mass 1 about (0.4, 0.2), moving with 0.3 (-x, y)."""
-    x, y = np.meshgrid(model.grid.x, model.grid.y)
+    x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
     rho = np.exp(-(((x - 0.4) ** 2 + (y - 0.2) ** 2) / 0.08)) / (0.08 * math.pi)
     inner = interior(model.fields)
     inner[0], inner[1], inner[2] = rho, -0.3 * x * rho, 0.3 * y * rho
@@ -97,7 +97,7 @@ def test_order_in_space_and_time(scheme: str, order: int, rotation_flow: FlowFie
         model = model_of(smooth_scene(cell), rotation_flow, scheme)
         smooth_start(model)
         run(model, 0.5)
-        x, y = np.meshgrid(model.grid.x, model.grid.y)
+        x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
         miss = interior(model.fields)[0] - exact_smooth_density(x, y, 0.5)
         errors.append(np.abs(miss).sum() * cell**2)
     assert math.log2(errors[1] / errors[2]) == pytest.approx(order, abs=0.3)
@@ -138,8 +138,8 @@ def test_the_cavitys_error_at_the_papers_resolution(cavity_flow: FlowField) -> N
 def test_a_start_box_between_cells_keeps_its_mass_and_place(rotation_flow: FlowField) -> None:
     settings = FREE | {"start.x": [0.213, 0.71], "start.y": [-0.24, 0.257]}
     model = model_of(load_scene("rotation", settings), rotation_flow)
-    x, y = np.meshgrid(model.grid.x, model.grid.y)
-    rho = interior(model.fields)[0] * model.cell**2
+    x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
+    rho = interior(model.fields)[0] * model.grid.plane.cell**2
     assert rho.sum() == pytest.approx(1.0)
     assert (rho * x).sum() == pytest.approx(0.4615, abs=0.002)
     assert (rho * y).sum() == pytest.approx(0.0085, abs=0.002)
@@ -180,8 +180,8 @@ def test_damping_of_noise_acts_without_noise() -> None:
     """Stationary scene without interaction, A = 1: the mean follows x'' + x'/2 + x = 0."""
     settings = FREE | {"angular_potential": None, "numerics.cell": 0.1, "numerics.cfl": 0.3}
     model = run(model_of(load_scene("stationary", settings), None), 1.0)
-    x, _ = np.meshgrid(model.grid.x, model.grid.y)
-    rho = interior(model.fields)[0] * model.cell**2
+    x, _ = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
+    rho = interior(model.fields)[0] * model.grid.plane.cell**2
     w = math.sqrt(1 - 1 / 16)
     expected = 2.5 * math.exp(-0.25) * (math.cos(w) + math.sin(w) * 0.25 / w)
     assert (rho * x).sum() == pytest.approx(expected, abs=5e-3)
@@ -209,11 +209,13 @@ def test_the_allowed_step_holds_the_cfl_number_after_the_kick(drag: float, cfl: 
         inner[0] = rng.random(inner[0].shape) + 0.1
         inner[1:] = rng.standard_normal(inner[1:].shape) * inner[0]
         steady = strength * rng.standard_normal((2, *inner[0].shape))
-        model.terms = model.terms._replace(steady=steady)
-        model.restore(model.state())
+        model.cells.terms = model.cells.terms._replace(steady=steady)
+        model.stepper.start()
         dt, _ = model.allowed_step()
-        kick(model.fields, model.drift, exact_kick(model.terms, 0.5 * dt))
-        assert extremes(model.fields, None).speed * dt <= cfl * model.cell * (1.0 + 1e-12)
+        cells = model.cells
+        change = exact_kick(cells.terms, 0.5 * dt, len(cells.system.velocities))
+        peaks = cells.treat(cells.limit(2), change, limits=True)
+        assert extremes_of(peaks).speed * dt <= cfl * model.grid.plane.cell * (1.0 + 1e-12)
 
 
 @BOTH

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.stepping.status import NOT_FINITE, RUNNING, STEP_TOO_SMALL
 from ellipsoid_coupling.stepping.step_control import (
-    CFL,
+    CFL_LIMIT,
     CHANGED_AT,
     COLLISION,
     FIRST_COUNT,
     GIVEN,
     NEXT_STEP,
     POSITION_ERROR,
-    ROTATION,
+    ROTATION_LIMIT,
     STATUS,
     STEPS,
     TIME,
@@ -41,7 +41,7 @@ class Toy:
         allowed: Callable[[float], float],
         refused_above: Callable[[float], float] = lambda _t: np.inf,
     ) -> None:
-        self.clock = new_clock(1, np.inf, CFL)
+        self.clock = new_clock(1, np.inf, CFL_LIMIT)
         self.end, self.aside = 0.0, Aside()
         self.allowed, self.refused_above = allowed, refused_above
         self.steps: list[float] = []
@@ -53,7 +53,7 @@ class Toy:
         self.clock[...], self.aside = state["clock"], Aside()
 
     def allowed_step(self) -> tuple[float, int]:
-        return self.allowed(float(self.clock[0, TIME])), CFL
+        return self.allowed(float(self.clock[0, TIME])), CFL_LIMIT
 
     def try_step(self, dt: float) -> bool:
         if not dt <= self.refused_above(float(self.clock[0, TIME])):
@@ -130,7 +130,7 @@ def test_nothing_that_moves_means_one_step_a_save_time() -> None:
 def test_the_log_tells_the_limits_in_order() -> None:
     toy = Toy(lambda _t: 0.25)
     advance_by_limits(toy, 1.0, 100)
-    toy.clock[0, FIRST_COUNT + ROTATION] += 1.0
+    toy.clock[0, FIRST_COUNT + ROTATION_LIMIT] += 1.0
     assert step_log(toy.clock)["step_limits"] == "CFL number 80 %, rotation 20 %"
 
 

@@ -1,0 +1,284 @@
+"""The fields of an equation on cells, and everything that moves them; steppers own the order.
+
+(r, theta) grid   (K, na + 4, ny + 4, nx + 4)   only the part of a row that holds mass is visited
+r-grid            (K, 1, ny + 4, nx + 4)        one plane, which is filled; F and F_bar are kept, for
+                                                they take a sine and a cosine a cell
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
+from ellipsoid_coupling.finite_volume.fluxes import FluxMaker, Transported
+from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
+from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
+from ellipsoid_coupling.finite_volume.grid import interior
+from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
+from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
+from ellipsoid_coupling.finite_volume.sources import (
+    Cells,
+    Kick,
+    Limit,
+    Work,
+    acceleration,
+    dampings,
+    exact_kick,
+    treat,
+)
+from ellipsoid_coupling.finite_volume.step_limits import (
+    LARGEST_TURN,
+    Allowed,
+    CellwiseLimit,
+    ExtremesLimit,
+    largest_turn,
+)
+from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCITIES, System
+from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.stepping.step_control import looking_ahead
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class CellFields:
+    """The fields of a `System` on a grid.
+
+    Attributes
+    ----------
+    system : System
+    grid : QGrid
+        Of an r-grid `RGrid`.
+    terms : CellTerms
+    reflecting : bool
+        The boundary in space.
+    cfl : float
+        The part of a cell that mass may cross in a step.
+    find_forces : callable
+        Interaction and walls at the present fields, (cells) -> Forces or AngleForces, or None.
+    fields : (K, *grid.padded) float64
+        The system's components; zero at first.
+    drift : (D, na or 0, ny, nx) float64
+        See `sources.Cells`.
+    extents : (na, ny, 2) int64
+        Outside them, all is vacuum.
+    vacuum : float
+        The density up to which a cell counts as empty.
+    outflow : (1,) float64
+        What has left through open boundaries, in units of a cell's density.
+    forces : Forces, AngleForces or None
+        Of interaction and walls, as last found.
+    """
+
+    system: System
+    grid: QGrid
+    terms: CellTerms
+    reflecting: bool
+    cfl: float
+    find_forces: Callable[[CellFields], Forces | AngleForces | None]
+    fields: Floats = field(init=False)
+    drift: Floats = field(init=False)
+    extents: Extents = field(init=False)
+    vacuum: float = field(init=False)
+    outflow: Floats = field(init=False)
+    forces: Forces | AngleForces | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        planes, *plane = self.grid.shape
+        self.fields = np.zeros((len(self.system.components), *self.grid.padded))
+        kept = 0 if self.grid.angle_resolved else planes
+        self.drift = np.zeros((len(self.system.velocities), kept, *plane))
+        # The density that mass 1 has all over the grid, a small part of it.
+        self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
+        self.outflow = np.zeros(1)
+        self.look_for_mass()
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """The directions of transport, see `System`."""
+        return self.system.axes
+
+    @property
+    def inside(self) -> Floats:
+        """The fields without ghosts, (K, na, ny, nx)."""
+        planes = self.grid.shape[0]
+        ghosts = (self.fields.shape[1] - planes) // 2
+        return interior(self.fields[:, ghosts : ghosts + planes])
+
+    @property
+    def mass(self) -> float:
+        """All mass inside."""
+        return float(self.inside[0].sum() * self.grid.volume)
+
+    @property
+    def mass_left(self) -> float:
+        """The mass that has left through open boundaries."""
+        return float(self.outflow[0] * self.grid.volume)
+
+    # Where mass is.
+
+    def look_for_mass(self) -> None:
+        """Set the extents to what holds mass now, wherever it is."""
+        self.extents = (
+            occupied_extents(self.fields) if self.grid.angle_resolved else self.grid.everywhere
+        )
+
+    def narrow_extents(self) -> None:
+        """Set the extents to what holds mass now, all of which lies within them."""
+        if self.grid.angle_resolved:
+            self.extents = occupied_extents(self.fields, self.extents)
+
+    # Transport.
+
+    def transport(self, flux: Flux, axis: int, dt: float) -> None:
+        """Move all fields along an axis for dt; the extents grow with them."""
+        ratio = dt / self.grid.width(axis)
+        here = self.fields, axis, ratio, self.extents, self.reflecting
+        self.extents = transport(flux, *here, self.outflow)
+
+    def _transport_in_plane(self, flux: Flux, x_first: bool, dt: float) -> None:
+        """Move all fields along x and then y for dt, or along y and then x, in one pass."""
+        move = Move(x_first, dt / self.grid.plane.cell, self.reflecting)
+        if self.grid.angle_resolved:
+            self.extents = transport_in_plane(flux, self.fields, move, self.extents, self.outflow)
+            return
+        whole = whole_plane(self.grid.plane.padded, numba.get_num_threads())
+        gone = sweep_planes(flux, self.fields.reshape(len(self.fields), -1), *whole, move)
+        if not self.reflecting:
+            self.outflow += gone
+
+    def transport_all(self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float) -> None:
+        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it."""
+        if axes[0] == -3:
+            self.transport(make_flux(self.transported(-3, dt)), -3, dt)
+        x_first = axes.index(-1) < axes.index(-2)
+        self._transport_in_plane(make_flux(self.transported(-1, dt)), x_first, dt)
+        if axes[-1] == -3:
+            self.transport(make_flux(self.transported(-3, dt)), -3, dt)
+
+    def transported(self, axis: int, dt: float) -> Transported:
+        """What a flux moves along an axis in a step; along x and y alike."""
+        flight = bends_of_step(self.smooth_part(-1), self.grid.plane.cell, dt)
+        turning = bends_of_step(self.smooth_part(-3), self.grid.angle_width, dt)
+        # What else is carried has no unit here: none of its extrema counts as smooth.
+        bends = dict.fromkeys(self.system.components, 0.0)
+        bends |= {DENSITY: (turning if axis == -3 else flight).density, MEAN_ANGLE: flight.angle}
+        bends |= dict(zip(VELOCITIES, (flight.speed, flight.speed, turning.speed), strict=True))
+        order = in_order(len(self.fields), self.system.velocities[-1 - axis])
+        each = tuple(bends[self.system.components[k]] for k in order)
+        return Transported(self.system.pressure, each, self.smooth_part(axis), self.vacuum)
+
+    def smooth_part(self, axis: int) -> float:
+        """What is a small part along an axis, by its resolution; see `fluxes.ballistic`."""
+        along_angle = axis == -3 and self.grid.angle_resolved
+        return smooth_part(self.grid.angles if along_angle else max(self.grid.plane.shape))
+
+    # Sources.
+
+    @property
+    def cells(self) -> Cells:
+        """What sources see of the fields."""
+        velocities, angle = self.system.velocities, self.system.carried_angle
+        spin = velocities[2:] if angle else ()
+        each = tuple(range(len(velocities)))
+        return Cells(self.fields, self.extents, self.drift, each, (0, *velocities), angle, spin)
+
+    @property
+    def keeps_drift(self) -> bool:
+        """Whether F and F_bar are kept from where they are evaluated on."""
+        return not self.grid.angle_resolved
+
+    def update_forces(self) -> None:
+        """Set `forces` to interaction and walls at the present fields."""
+        # Not both at once: those of before are as large.
+        self.forces = None
+        self.forces = self.find_forces(self)
+
+    def limit(self, order: int) -> Limit:
+        """What bounds the steps of a scheme of this order; see `step_limits`."""
+        return (
+            self.cellwise_limit(order) if self.grid.angle_resolved else self._extremes_limit(order)
+        )
+
+    def cellwise_limit(self, order: int) -> CellwiseLimit:
+        """The bound cell by cell; no cells are crossed where the angle is no axis."""
+        velocities = len(self.system.velocities)
+        reach, ahead = (
+            (*lengths, 0.0)[:velocities] for lengths in (self._reach, self._ahead(order))
+        )
+        rates, sound = dampings(self.terms, velocities), math.sqrt(self.system.pressure)
+        return CellwiseLimit(tuple(range(velocities)), reach, rates, ahead, sound)
+
+    def _extremes_limit(self, order: int) -> ExtremesLimit:
+        velocities, slaved = len(self.system.velocities), self.system.slaved
+        driven = order > 1 and not slaved
+        turn = LARGEST_TURN if order == 1 else largest_turn(max(self.grid.plane.shape))
+        # The implicit turn of a first order scheme bears any step; the drift velocity does not.
+        turn = turn if driven or slaved else math.inf
+        rates = dampings(self.terms, velocities)
+        return ExtremesLimit(
+            (0, 1) if velocities < 3 else (0, 1, 2, 3),
+            self._reach[0],
+            self._ahead(order if driven else 1)[0],
+            turn,
+            (rates[0], rates[-1]),
+            driven,
+        )
+
+    @property
+    def _reach(self) -> tuple[float, ...]:
+        """How far mass may move along each axis."""
+        return tuple(self.cfl * self.grid.width(axis) for axis in self.axes)
+
+    def _ahead(self, order: int) -> tuple[float, ...]:
+        """Over which accelerations count: a second order scheme looks ahead, see `looking_ahead`."""
+        if order == 1:
+            return self._reach
+        counts = {-1: max(self.grid.plane.shape), -2: max(self.grid.plane.shape)}
+        counts[-3] = self.grid.angles
+        return tuple(
+            max(reach, looking_ahead(self.grid.width(axis), counts[axis]))
+            for axis, reach in zip(self.axes, self._reach, strict=True)
+        )
+
+    def treat(
+        self,
+        limit: Limit,
+        change: Kick | None = None,
+        time: float = 0.0,
+        *,
+        fresh: bool = False,
+        limits: bool = False,
+    ) -> Floats:
+        """Kick v and omega and turn a carried angle by `time` omega, in one pass; see `sources.treat`.
+
+        fresh : at a new place or angle, so that a drift which is kept is evaluated first
+        limits : return what the new velocities reach; 0 else
+        """
+        # One type of arguments for all passes, whether they kick or not.
+        kick = change or exact_kick(self.terms, 0.0, len(self.system.velocities))
+        work = Work(kick, change is not None, time if self.system.carried_angle else 0.0, limits)
+        force = acceleration(self.terms, self.forces) if fresh or not self.keeps_drift else None
+        return treat(self.cells, force, work, limit)
+
+    def turn(self, limit: Limit, time: float) -> None:
+        """Turn a carried angle by `time` omega."""
+        if self.system.carried_angle:
+            self.treat(limit, time=time)
+
+    def allowed(self, limit: Limit) -> Allowed:
+        """The step that the present velocities and forces allow, and its reason."""
+        return limit.allowed(self.treat(limit, limits=True))
+
+    def react(self, dt: float) -> None:
+        """Further sources over dt, if the system has any."""
+        if self.system.source is not None:
+            self.system.source(self, dt)

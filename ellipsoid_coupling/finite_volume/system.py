@@ -1,0 +1,75 @@
+"""What an equation on cells is made of: its components, its axes, its pressure, its further sources.
+
+    mean angle carried (rho)        density, velocity_x, velocity_y, mean_angle, angular_velocity
+    angle as an axis (q)            density, velocity_x, velocity_y, angular_velocity
+    nothing turns (either)          density, velocity_x, velocity_y
+
+Fields hold the density and the density times every other component. Steppers, sources and step limits
+ask a `System` and nothing else what there is; an equation with a further component, a temperature say,
+is a longer tuple of names and the source of that component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+DENSITY = "density"
+VELOCITIES = ("velocity_x", "velocity_y", "angular_velocity")
+MEAN_ANGLE = "mean_angle"
+
+# Of whatever has no forces and no Newton step of its own: (cells, dt), in place.
+Source = Callable[[Any, float], None]
+
+
+class System(NamedTuple):
+    """One equation on cells.
+
+    Attributes
+    ----------
+    components : tuple of str
+        The density first. Velocities have the names in `VELOCITIES`, a carried angle is `MEAN_ANGLE`;
+        any other one is transported like these and changed by `source` only.
+    axes : tuple of int
+        The directions of transport: -1 (x), -2 (y) and, where the angle is an axis, -3.
+    pressure : float
+        The pressure is this times the density: 1 Maxwellian, 0 mono-kinetic.
+    slaved : bool
+        Velocities follow from the drift at every moment, v = F/Gamma, and are no unknowns.
+    source : callable or None
+        (cells, dt): sources of further components over dt, in place, exact or of the scheme's order.
+    """
+
+    components: tuple[str, ...]
+    axes: tuple[int, ...]
+    pressure: float = 0.0
+    slaved: bool = False
+    source: Source | None = None
+
+    @property
+    def velocities(self) -> tuple[int, ...]:
+        """Which components are velocities, (2 or 3,): of x, y and, where something turns, the angle."""
+        return tuple(self.components.index(name) for name in VELOCITIES if name in self.components)
+
+    @property
+    def carried_angle(self) -> tuple[int, ...]:
+        """Which component is the mean angle, (1,); () where a cell's plane tells the angle."""
+        return tuple(k for k, name in enumerate(self.components) if name == MEAN_ANGLE)
+
+    @property
+    def single_stream(self) -> bool:
+        """Whether all mass in a cell moves alike and keeps to that, so that characteristics can cross."""
+        return self.pressure == 0.0 and not self.slaved
+
+
+def rho_system(turns: bool, slaved: bool = False) -> System:
+    """The components of the rho-equations: the mean angle is carried along."""
+    angle = (MEAN_ANGLE, VELOCITIES[2]) if turns else ()
+    return System((DENSITY, *VELOCITIES[:2], *angle), (-1, -2), slaved=slaved)
+
+
+def q_system(turns: bool, resolved: bool, pressure: float) -> System:
+    """The components of the q-equations; the angle is an axis where something turns and it is resolved."""
+    angle = VELOCITIES[2:] if turns else ()
+    axes = (-1, -2, -3) if turns and resolved else (-1, -2)
+    return System((DENSITY, *VELOCITIES[:2], *angle), axes, pressure)

@@ -1,0 +1,193 @@
+"""What every equation on cells shares: time, steps, failure, checkpoints, mass, what is told of a run.
+
+A model derives from `CellModel`, names itself, makes its `CellFields` and says what its snapshot, its worst
+cell and its warnings are. Which stepper steps it follows from what its `System` declares.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.finite_volume.cells import CellFields
+from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
+from ellipsoid_coupling.finite_volume.diagnostics import survey_cells
+from ellipsoid_coupling.finite_volume.fluxes import FluxMaker, flux_named
+from ellipsoid_coupling.finite_volume.q_grid import QGrid
+from ellipsoid_coupling.finite_volume.splitting import (
+    Godunov,
+    KickDriftKick,
+    OverdampedEuler,
+    OverdampedHeun,
+    Stepper,
+)
+from ellipsoid_coupling.finite_volume.system import System
+from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
+from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_start
+from ellipsoid_coupling.stepping.status import MEANING, RUNNING
+from ellipsoid_coupling.stepping.step_control import (
+    CFL_LIMIT,
+    STEPS,
+    TIME,
+    Aside,
+    advance_by_limits,
+    new_clock,
+    step_log,
+)
+
+Floats = NDArray[np.float64]
+
+# By scheme, whether there is pressure, and whether velocities are slaved to the drift.
+STEPPERS: dict[tuple[SchemeName, bool, bool], type[Stepper]] = {
+    ("paper", False, False): Godunov,
+    ("paper", True, False): Godunov,
+    ("paper", False, True): OverdampedEuler,
+    ("accurate", False, False): KickDriftKick,
+    ("accurate", True, False): WellBalancedHeun,
+    ("accurate", False, True): OverdampedHeun,
+}
+
+
+def stepper_of(system: System, scheme: SchemeName) -> type[Stepper]:
+    """What steps a system in a scheme."""
+    return STEPPERS[scheme, system.pressure > 0.0, system.slaved]
+
+
+def flux_of(system: System, setup: Setup) -> FluxMaker:
+    """The flux that the scene names, or the scheme's own.
+
+    Raises
+    ------
+    InputError
+        For a flux that does not exist or does not fit.
+    """
+    stepper, chosen = stepper_of(system, setup.scheme), setup.scene.numerics.flux
+    where = f"scene {setup.scene.name}, key numerics.flux"
+    return flux_named(chosen or stepper.flux, system.pressure, stepper.balances, where)
+
+
+class CellModel:
+    """A `Model` but for its names, its system, and what it shows.
+
+    Attributes
+    ----------
+    cells : CellFields
+    stepper : Stepper
+    clock : (1, CLOCK_COLUMNS) float64
+        See `stepping.step_control`.
+    """
+
+    layout: ClassVar[Literal["particles", "rho", "q"]]
+    together: ClassVar[bool] = True
+    steps_per_call: int = 16
+
+    def __init__(self, name: str, setup: Setup, cells: CellFields) -> None:
+        self.name = name
+        self._setup = setup
+        self.cells = cells
+        self.stepper = stepper_of(cells.system, setup.scheme)(cells, flux_of(cells.system, setup))
+        self.stepper.start()
+        self.clock = new_clock(1, np.inf, CFL_LIMIT)
+        self.end, self.aside = float(setup.scene.times[-1]), Aside()
+        single = cells.system.single_stream
+        self._crossing = CrossingDetector(cells.terms.damping) if single else None
+        self._mass_start = cells.mass
+
+    @property
+    def grid(self) -> QGrid:
+        """Of the cells."""
+        return self.cells.grid
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return float(self.clock[0, TIME])
+
+    def advance(self, until: float) -> None:
+        """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
+        status = advance_by_limits(self, until, self.steps_per_call)
+        if status != RUNNING:
+            raise self._failure(status)
+
+    def allowed_step(self) -> tuple[float, int]:
+        """What the CFL number, the force and the torque allow."""
+        return self.stepper.largest_step
+
+    def try_step(self, dt: float) -> bool:
+        """Step by dt; False, with all as before, if the stepper finds that it was too long."""
+        if not self.stepper.step(dt, int(self.clock[0, STEPS])):
+            return False
+        if self._crossing is not None:
+            cells, now = self.cells, self.time + dt
+            planes = cells.fields if cells.grid.angle_resolved else cells.fields[:, 0]
+            self._crossing.look(planes, cells.grid.plane.cell, now, cells.extents)
+        return True
+
+    def _failure(self, status: int) -> RunError:
+        what, remedy = MEANING[status]
+        return RunError(
+            f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
+        )
+
+    def spot(self) -> Spot:
+        """Where something is strongest, and by which term."""
+        raise NotImplementedError
+
+    def state(self) -> Arrays:
+        """What `live` has, of what the run goes on from; see `Aside`."""
+        return self.live() if self.aside.arrays is None else self.aside.arrays
+
+    def live(self) -> Arrays:
+        """Fields, clock, outflow, and what stepper and detector remember, as they are now."""
+        arrays: dict[str, NDArray[Any]] = {
+            "fields": self.cells.fields,
+            "clock": self.clock,
+            "outflow": self.cells.outflow,
+            "memory": self.stepper.memory,
+        }
+        if self.cells.keeps_drift:
+            arrays["drift"] = self.cells.drift
+        if self._crossing is not None:
+            arrays["crossing"] = self._crossing.memory
+        return arrays
+
+    def restore(self, state: Arrays) -> None:
+        """Continue from a `state`."""
+        self.aside = Aside()
+        current = self.live()
+        for name, array in state.items():
+            current[name][...] = array
+        self.cells.look_for_mass()
+        self.stepper.restore()
+
+    def health(self) -> Health:
+        """Mass, least density, speeds, and bounds of the forces."""
+        cells = self.cells
+        planes = cells.fields if cells.grid.angle_resolved else cells.fields[:, 0]
+        mass, least, speeds = survey_cells(planes)
+        return Health(mass * cells.grid.volume, least, speeds, self._force_bounds())
+
+    def _force_bounds(self) -> tuple[float, float]:
+        """Of the drift, per mass and per inertia."""
+        raise NotImplementedError
+
+    def counts(self) -> Counts:
+        """The steps, the mass balance, when characteristics crossed if they have, and the warnings."""
+        crossing = {} if self._crossing is None else self._crossing.counts()
+        mass = {
+            "mass_start": self._mass_start,
+            "mass_end": self.cells.mass,
+            "mass_left": self.cells.mass_left,
+        }
+        return step_log(self.clock) | crossing | mass | as_counts(self.warnings())
+
+    def warnings(self) -> list[str]:
+        """Sentences for `Result.warnings`."""
+        crossing = [] if self._crossing is None else of_crossing(self._crossing.time)
+        return of_start(self._setup.scene) + crossing

@@ -1,23 +1,22 @@
 """Numbers that were found by measuring: the unit, what each trades, and how it was measured.
 
-Measured on two cores of one Xeon with AVX-512 and 2 MB of second-level cache a core, medians of seven
-warm calls of what `workflows/benchmark.py` runs, unless another way stands beside a number. Physics and
-numerical methods do not depend on them. Those of the first part change no bit of a result, which
-`tests/compiled/test_tuning.py` holds for the grids; those of the second part fix the order in which
-sums are added up, so that a change shows in the last digits.
+Found on two cores of one Xeon with AVX-512 by running the rows of `workflows/benchmark.py` that a number
+touches. Where no figures stand beside a number it was chosen by such runs, of which none are on record.
+Numbers of the first part change no bit of a result, as `tests/compiled/test_tuning.py` holds. Those of
+the second part fix the order in which sums are added up, so that a change shows in the last digits.
 """
 
 # --- no result depends on these ---
 
 # Threads.
 # Turns of the waiting loop, some 30 us: threads stay awake from one kernel to the next. To wake them
-# takes 60 us, which small grids would pay at each loop; measured with 0: 60 us a loop, now 2 us.
+# takes 60 us, which small grids would pay at each loop; awake, a loop starts in 2 us.
 SPINS = 2000
-# Tasks that a thread has in all, where tasks differ in length, and at most at a time. More of them
-# balance better, and each way to the scheduler takes 0.1 us.
+# Tasks that a thread has in all, where tasks differ in length, and at most at a time. More tasks
+# balance better; more at a time save ways to the scheduler.
 TASKS_PER_THREAD, MOST_TASKS_AT_ONCE = 16, 16
 # Tasks that the rows of a grid are cut into, each with its own memory for one row: few enough for that
-# memory to be nothing, enough of them to balance. Flat from 32 to 256.
+# memory to be small, enough of them to balance.
 ROW_TASKS = 64
 # Cells a thread must have to be worth waking (100 us of `diagnostics`).
 CELLS_PER_THREAD = 100_000
@@ -25,7 +24,8 @@ CELLS_PER_THREAD = 100_000
 # Cache lines.
 # Prefetches under way at once. Swept 10 .. 160 with the q-grid's sweeps, 150x150x60.
 CACHE_LINES_AT_ONCE = 40
-# Lines by which a stream of factors is asked for ahead, 8 kB: `sum_products` waits for memory below 64.
+# Lines by which `sum_products` prefetches a stream of factors ahead, 8 kB: less, and it waits for
+# memory; more, and lines are evicted before they are read.
 LINES_AHEAD = 128
 # Cells between two rows from which on the second one is prefetched: hardware prefetch reads on by
 # itself over shorter gaps (two lines of doubles).
@@ -33,13 +33,13 @@ FAR_CELLS = 16
 
 # Sweeps.
 # Columns of cells that march together. Many, since hardware prefetch works in each row; fewer where a
-# grid has fewer than MANY_LINES rows of bundles, so that threads can share them. Swept 50 .. 1600 along
-# the angle, 150x150x60: twice the speed of 100.
+# grid has fewer than MANY_LINES rows of bundles, so that threads can share them. 320 has twice the speed
+# of 96 along the angle.
 WIDE_BUNDLE, NARROW_BUNDLE, MANY_LINES = 320, 100, 16
 
 # Sums in registers.
-# Rows and cache lines of sums that `sum_rows` keeps in registers at a time: 8 of 32 registers, so that
-# fused multiply-adds need not wait for each other (latency 4, two a cycle).
+# Rows and cache lines of sums that `sum_rows` keeps in registers at a time: eight, since a fused
+# multiply-add takes four cycles and two start in each.
 SUM_ROWS, SUM_LINES = 4, 2
 
 # Transforms and spectra.

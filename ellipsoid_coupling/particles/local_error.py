@@ -1,6 +1,7 @@
-"""The error estimate of the scheme `accurate`: what the correction of a step would move.
+"""The error estimate of the scheme `accurate`: how far the correction of a step would move a particle.
 
-Its root mean square over all particles is measured, and the worst particle's.
+Both the root mean square over all particles and the largest one are measured: a mean alone would let a
+single particle err without bound among many that move smoothly.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
 from ellipsoid_coupling.particles.extremes import sum_and_largest
 from ellipsoid_coupling.particles.linear import linear_step
-from ellipsoid_coupling.particles.predict_correct import Trial
-from ellipsoid_coupling.particles.state import ANGLE, Limits, ParticleState, Rates
+from ellipsoid_coupling.particles.state import ANGLE, Limits, ParticleState, Rates, Trial
 from ellipsoid_coupling.stepping.step_control import ANGLE_ERROR, POSITION_ERROR
 
 Floats = NDArray[np.float64]

@@ -1,11 +1,11 @@
 """One step of the scheme `accurate`: predict with a constant drift, correct with its change.
 
-The formulas are those of `exponential`; between the two a caller evaluates the drift.
+The formulas are those of `exponential`; between the two a caller evaluates the drift. All particles take
+the plain formula in a loop that vectorises. Those that may come to a wall within the step, few as a rule,
+are then done again with their bounces.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,9 @@ from ellipsoid_coupling.geometry.reflection import reflect
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.frozen import freeze, places_before
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step
-from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial
 
 Floats = NDArray[np.float64]
-
-
-class Trial(NamedTuple):
-    """Work arrays of one realisation, (D, N) each: what a step would lead to.
-
-    `place` is where a constant drift leads, within the walls; `force` is the drift there.
-    """
-
-    place: Floats
-    force: Floats
 
 
 @kernel

@@ -99,6 +99,8 @@ class ParticleModel:
         if components == 0:
             return None
         realisations, _, number = state.place.shape
+        # A realisation that has arrived keeps its block number, so that its noise does not depend on how
+        # long the others take.
         late = state.clock[:, TIME] < until
         used = np.broadcast_to(self._noise_blocks, realisations)
         waiting = np.flatnonzero(np.broadcast_to(late, realisations))
@@ -108,6 +110,7 @@ class ParticleModel:
             k = int(waiting[task])
             noise[k] = gaussian_block(seed, k, int(used[k]), components, number)
 
+        # Philox is drawn in C without Python's lock, so that threads help.
         for_each(len(waiting), draw)
         self._noise_blocks += late
         if state.frozen is not None:

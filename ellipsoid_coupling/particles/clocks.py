@@ -168,6 +168,7 @@ def set_block(k: int, work: Work, t: float) -> None:
 @kernel
 def note_block_forces(k: int, work: Work) -> None:
     """Keep the largest force and torque of block k."""
+    # By block, not in the clock: blocks of one clock are stepped at the same time.
     forces = work.outcome.forces
     forces[k, 0], forces[k, 1] = largest_forces(work.state.force[k])
 

@@ -144,6 +144,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
     place, velocity, force, frozen = cloud
     blocks, _, size = place.shape
+    # Evenly over all blocks, and always the same ones: no result may depend on chance or on threads.
     stride = max(1, blocks * size // _FITTED)
     means = np.zeros(4)
     count = 0
@@ -155,6 +156,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
                 means[d] += place[k, d, i]
                 move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
                 means[2 + d] += move
+    # Centred first: squares of places far from the origin would cancel in the determinant.
     means /= max(count, 1)
     squares, products = np.zeros(3), np.zeros((2, 2))
     for j in range(0, blocks * size, stride):
@@ -288,6 +290,7 @@ def _part_at_walls(
 @kernel
 def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: float) -> float:
     """The part of a step of dt that may be taken."""
+    # The cheapest question first: most steps of many weak particles end here, without a pass over them.
     part = np.inf
     pair = _matters(contact.pull[PAIR], rates, limits.tolerance, dt)
     crowd = _matters(contact.pull[CROWD], rates, limits.tolerance, dt)

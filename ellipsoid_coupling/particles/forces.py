@@ -76,6 +76,7 @@ def set_block_forces(
     block: BlockForces | None, t: float, place: Floats, force: Floats, frozen: Flags | None
 ) -> None:
     """Overwrite the drift (D, B) of one block; without `block`, all of it comes from the interaction."""
+    # Without walls the frozen ones are left out already, by the drift itself.
     if block is not None:
         evaluate(block.drift, t, place, force, frozen)
         _add_walls(block.walls, place, force, frozen)

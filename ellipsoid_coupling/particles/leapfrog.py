@@ -68,6 +68,7 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     """
     if not work.interacts:
         set_block(k, work, t)
+    # Before particles are frozen, which sets their forces to 0.
     note_block_forces(k, work)
     state, rates, limits = work.state, work.rates, work.limits
     place, velocity = state.place[k], state.velocity[k]
@@ -77,6 +78,7 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     _move(place, velocity, dt)
     bounce(limits.box, place, velocity)
     freeze(state, k, limits, before)
+    # Of the place: it is not finite as soon as the velocity is not.
     note_block_finite(k, work, place)
 
 
@@ -91,6 +93,7 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
         if until - t <= 0.0 or clock[STATUS] != RUNNING:
             return
         dt = equal_steps(until - t, longest)
+        # Two passes only where blocks act on each other in between; else each block is in cache for both.
         if work.interacts:
             over_blocks(group, set_block, (t,))
             interact(group, t, state.place, state.force)

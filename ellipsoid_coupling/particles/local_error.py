@@ -19,9 +19,11 @@ from ellipsoid_coupling.stepping.step_control import ANGLE_ERROR, POSITION_ERROR
 
 Floats = NDArray[np.float64]
 
-# How far beyond the tolerance the worst particle's error may be, among many that move smoothly.
+# How far beyond the tolerance the worst particle's error may be, among many that move smoothly. At 1 a
+# single particle in a million would set the step of all.
 WORST = 10.0
-# How far the drift's change may move a velocity in a step, in thermal velocities.
+# How far the drift's change may move a velocity in a step, in thermal velocities: the variance of the
+# equilibrium is then off by less than 1 %.
 _THERMAL_PART = 0.05
 # Squared errors of a degree of freedom: their mean over the particles, and the largest.
 MEAN, LARGEST = range(2)
@@ -51,6 +53,7 @@ def squared_errors(
     squares = np.empty(state.place.shape[2])
     for d in range(out.shape[1]):
         damping, amplitude = rates.damping[d], rates.amplitude[d]
+        # Of the whole correction, also where the scheme takes only a part c of it.
         linear = linear_step(damping, 0.0, dt)
         _square_changes(state.force[k, d], trial.force[d], squares)
         total, largest = sum_and_largest(squares)
@@ -71,6 +74,7 @@ def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
     worst, kind = 0.0, POSITION_ERROR
     for d in range(squares.shape[1]):
         square = max(squares[MEAN, d], squares[LARGEST, d] / (WORST * WORST))
+        # Not `square > worst`: a value that is not a number must win.
         if not square <= worst:
             worst, kind = square, ANGLE_ERROR if d == ANGLE else POSITION_ERROR
     return math.sqrt(worst) / tolerance, kind

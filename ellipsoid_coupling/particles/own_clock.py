@@ -50,6 +50,7 @@ def own_clock(
     k: int, state: ParticleState, forces: BlockForces, rates: Rates, limits: Limits, tried: int
 ) -> OwnClock:
     """The group of realisation k; `tried` is 1 for a scheme that tries steps, else 0."""
+    # Made within the kernel: Python hands over arrays one by one, which short calls would feel.
     one = realisation(state, k)
     _, degrees, number = one.place.shape
     shape = (tried, degrees, number)

@@ -75,7 +75,7 @@ def _interact(
     place: Floats,
     force: Floats,
 ) -> None:
-    """`forces.Interaction` of all samples that have not left the flow's mesh; each keeps its mass."""
+    """`forces.BlockInteraction` of all samples that have not left the flow's mesh; each keeps its mass."""
     del t  # the potential does not depend on it
     if frozen is None or not frozen.any():
         interaction.add_forces(place, weights, force)
@@ -118,7 +118,7 @@ class McKeanVlasov(ParticleModel):
 
     def _step(self, state: ParticleState, until: float, steps: int) -> None:
         forces, rates, limits = self._forces, self._rates, self._limits
-        advance_shared_clock(self._scheme, state, forces, rates, limits, until, steps)
+        advance_shared_clock(self._stepper, state, forces, rates, limits, until, steps)
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""

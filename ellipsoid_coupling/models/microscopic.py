@@ -41,7 +41,7 @@ Flags = NDArray[np.uint8]
 def _set_forces(
     cloud: LargeCloud, frozen: Flags | None, t: float, place: Floats, force: Floats
 ) -> None:
-    """`forces.Interaction` of one large realisation: the whole drift, by all threads."""
+    """`forces.BlockInteraction` of one large realisation: the whole drift, by all threads."""
     del t  # no term depends on it yet
     cloud.set_forces(place, force, frozen)
 
@@ -68,16 +68,16 @@ class Microscopic(ParticleModel):
         return MANY_FREE_PARTICLE_STEPS_PER_CALL if many else FREE_PARTICLE_STEPS_PER_CALL
 
     def _step(self, state: ParticleState, until: float, steps: int) -> None:
-        scheme, rates, limits = self._scheme, self._rates, self._limits
+        stepper, rates, limits = self._stepper, self._rates, self._limits
         if self._large is None:
             forces = BlockForces(self._drift, None)
-            advance_own_clocks(scheme, state, forces, rates, limits, until, steps)
+            advance_own_clocks(stepper, state, forces, rates, limits, until, steps)
             return
         for k in range(len(state.place)):
             one = plain(realisation)(state, k)
             frozen = None if one.frozen is None else one.frozen[0]
             cloud = Forces(None, partial(_set_forces, self._large, frozen), self._workspace)
-            advance_shared_clock(scheme, one, cloud, rates, limits, until, steps)
+            advance_shared_clock(stepper, one, cloud, rates, limits, until, steps)
 
 
 MODEL = Microscopic

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.flow_fit import rectangle, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_mesh, scene_rates
-from ellipsoid_coupling.particles import SCHEMES
+from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
     contact_of,
@@ -40,7 +41,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 
 
-class ParticleModel:
+class ParticleModel(ABC):
     """A `Model` of blocks of particles; a subclass declares what it is and steps the blocks.
 
     Parameters
@@ -60,14 +61,14 @@ class ParticleModel:
     def __init__(self, name: str, setup: Setup, state: ParticleState, number: int) -> None:
         self.name = name
         self._setup = setup
-        self._scheme = SCHEMES[setup.scheme]
+        self._stepper = STEPPERS[setup.scheme]
         self._rates = scene_rates(setup)
         self._limits = scene_limits(setup, number)
         self._state = state
         # How many blocks of noise each clock has used.
         self._noise_blocks = np.zeros(len(state.clock), np.int64)
 
-    @staticmethod
+    @staticmethod  # noqa: B027 (some model may refuse scenes)
     def require_fit(setup: Setup) -> None:
         """Every scene fits."""
 
@@ -84,18 +85,18 @@ class ParticleModel:
         require_none_left(self._state, self._setup, self.name)
         self._require_running()
 
+    @abstractmethod
     def _steps_per_call(self) -> int:
         """How many steps `advance` takes without noise; no result depends on it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _step(self, state: ParticleState, until: float, steps: int) -> None:
         """Move all blocks by at most `steps` steps, in place and never beyond `until`."""
-        raise NotImplementedError
 
     def _draw_noise(self, until: float) -> Floats | None:
         """The next block of noise of every realisation that is not there yet; None without noise."""
         rates, state, seed = self._rates, self._state, self._setup.seed
-        components = (rates.last_noisy - rates.first_noisy) * self._scheme.noise_per_step
+        components = (rates.last_noisy - rates.first_noisy) * self._stepper.noise_per_step
         if components == 0:
             return None
         realisations, _, number = state.place.shape

@@ -1,11 +1,11 @@
 """Particles: their state, their steppers, the clocks that these run on, noise.
 
-A stepper is one file with a `clocks.Scheme`; `SCHEMES` names them as the command line does.
+A stepper is one file with a `clocks.Stepper`; `STEPPERS` names them as the command line does.
 """
 
 from __future__ import annotations
 
 from ellipsoid_coupling.particles import exponential, leapfrog
-from ellipsoid_coupling.particles.clocks import Scheme
+from ellipsoid_coupling.particles.clocks import Stepper
 
-SCHEMES: dict[str, Scheme] = {"paper": leapfrog.SCHEME, "accurate": exponential.SCHEME}
+STEPPERS: dict[str, Stepper] = {"paper": leapfrog.STEPPER, "accurate": exponential.STEPPER}

@@ -1,11 +1,11 @@
-"""Blocks of particles that take all steps together, on one clock; schemes are written for such a group.
+"""Blocks of particles that take all steps together, on one clock; steppers are written for such a group.
 
     own clock       one realisation: the whole loop over its steps is one kernel, in one thread
     shared clock    blocks of samples whose force is that of all samples' density at the same time: the
                     loop runs in Python, each pass over the blocks by all threads, and the interaction,
                     which is no kernel, in between
 
-A scheme's loop (`leapfrog.advance_clock`, `exponential.advance_clock`) is the same text for both: it
+A stepper's loop (`leapfrog.advance_clock`, `exponential.advance_clock`) is the same text for both: it
 calls `over_blocks` and `interact`, which are chosen by the type of the group.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type
 from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.particles.forces import BlockForces, Interaction, set_block_forces
+from ellipsoid_coupling.particles.forces import BlockForces, BlockInteraction, set_block_forces
 from ellipsoid_coupling.particles.frozen import frozen_row
 from ellipsoid_coupling.particles.state import (
     Limits,
@@ -66,7 +66,7 @@ class Work(NamedTuple):
     rates : Rates
     limits : Limits
     trial : Trial
-        Of no block, where a scheme tries no step.
+        Of no block, where a stepper tries no step.
     outcome : Outcome
     """
 
@@ -92,13 +92,13 @@ class SharedClock(NamedTuple):
     """
 
     work: Work
-    interaction: Interaction | None
+    interaction: BlockInteraction | None
 
 
 Group = OwnClock | SharedClock
 
 
-class OwnStepper(Protocol):
+class OwnClockKernel(Protocol):
     """Moves realisation k by at most `steps` steps, in place and never beyond `until`."""
 
     def __call__(
@@ -115,14 +115,14 @@ class OwnStepper(Protocol):
         ...
 
 
-class Scheme(NamedTuple):
+class Stepper(NamedTuple):
     """A particle stepper.
 
     Attributes
     ----------
     advance_clock : (group, until, steps) -> None
         Moves a group of blocks by at most `steps` steps, in place and never beyond `until`.
-    advance_own : OwnStepper
+    advance_own : OwnClockKernel
         The same for a realisation on its own clock, as a kernel.
     order : int
         Of the global error, without noise.
@@ -133,7 +133,7 @@ class Scheme(NamedTuple):
     """
 
     advance_clock: Callable[[Group, float, int], None]
-    advance_own: OwnStepper
+    advance_own: OwnClockKernel
     order: int
     noise_per_step: int
     tries: bool

@@ -1,4 +1,4 @@
-"""Scheme `accurate`: second order, the linear part (drag, damping, noise) integrated exactly.
+"""Stepper `accurate`: second order, the linear part (drag, damping, noise) integrated exactly.
 
 With z = Gamma dt and the drift F (per mass) taken linear in time over the step, the exact solution
 of r' = v, v' = F - Gamma v + A dW/dt is
@@ -38,7 +38,7 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.jitable import jitable
 from ellipsoid_coupling.particles.clocks import (
     Group,
-    Scheme,
+    Stepper,
     Work,
     interact,
     note_block_finite,
@@ -233,7 +233,7 @@ def _choose_first_step(noise: Floats | None, group: Group, until: float) -> None
 
 @jitable
 def advance_clock(group: Group, until: float, steps: int) -> None:
-    """See `clocks.Scheme`; trials that are refused count as steps."""
+    """See `clocks.Stepper`; trials that are refused count as steps."""
     state, rates, limits = group.work.state, group.work.rates, group.work.limits
     clock, noise = state.clock[0], state.noise
     cloud = Cloud(state.place, state.velocity, state.force, state.frozen)
@@ -280,4 +280,4 @@ def _advance_own(
     advance_clock(own_clock(k, state, forces, rates, limits, 1), until, steps)
 
 
-SCHEME = Scheme(advance_clock, _advance_own, order=2, noise_per_step=2, tries=True)
+STEPPER = Stepper(advance_clock, _advance_own, order=2, noise_per_step=2, tries=True)

@@ -23,7 +23,7 @@ from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 # (t, place, force): adds what blocks do to each other to the drift (K, D, B).
-Interaction = Callable[[float, Floats, Floats], None]
+BlockInteraction = Callable[[float, Floats, Floats], None]
 
 
 class BlockForces(NamedTuple):
@@ -55,7 +55,7 @@ class Forces(NamedTuple):
     """
 
     block: BlockForces | None
-    interaction: Interaction | None
+    interaction: BlockInteraction | None
     workspace: KeptArrays
 
 

@@ -1,4 +1,4 @@
-"""Scheme `paper`: first-order leapfrog with Euler-Maruyama noise.
+"""Stepper `paper`: first-order leapfrog with Euler-Maruyama noise.
 
     v_{n+1} = v_n + dt (F(t_n, r_n, theta_n) - Gamma v_n) + A sqrt(dt) xi
     r_{n+1} = r_n + dt v_{n+1}
@@ -18,7 +18,7 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.jitable import jitable
 from ellipsoid_coupling.particles.clocks import (
     Group,
-    Scheme,
+    Stepper,
     Work,
     interact,
     note_block_finite,
@@ -84,7 +84,7 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
 
 @jitable
 def advance_clock(group: Group, until: float, steps: int) -> None:
-    """See `clocks.Scheme`."""
+    """See `clocks.Stepper`."""
     work = group.work
     state, longest = work.state, work.limits.step
     clock = state.clock[0]
@@ -115,4 +115,4 @@ def _advance_own(
     advance_clock(own_clock(k, state, forces, rates, limits, 0), until, steps)
 
 
-SCHEME = Scheme(advance_clock, _advance_own, order=1, noise_per_step=1, tries=False)
+STEPPER = Stepper(advance_clock, _advance_own, order=1, noise_per_step=1, tries=False)

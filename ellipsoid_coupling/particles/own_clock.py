@@ -11,7 +11,7 @@ from ellipsoid_coupling.compiled.dispatch import register_formula
 from ellipsoid_coupling.compiled.jit import for_each, inline_kernel, kernel
 from ellipsoid_coupling.particles.clocks import (
     OwnClock,
-    Scheme,
+    Stepper,
     Work,
     interact,
     new_outcome,
@@ -49,7 +49,7 @@ register_formula(interact, OwnClock, _nothing)
 def own_clock(
     k: int, state: ParticleState, forces: BlockForces, rates: Rates, limits: Limits, tried: int
 ) -> OwnClock:
-    """The group of realisation k; `tried` is 1 for a scheme that tries steps, else 0."""
+    """The group of realisation k; `tried` is 1 for a stepper that tries steps, else 0."""
     # Made within the kernel: Python hands over arrays one by one, which short calls would feel.
     one = realisation(state, k)
     _, degrees, number = one.place.shape
@@ -59,7 +59,7 @@ def own_clock(
 
 
 def advance_own_clocks(
-    scheme: Scheme,
+    stepper: Stepper,
     state: ParticleState,
     forces: BlockForces,
     rates: Rates,
@@ -73,5 +73,5 @@ def advance_own_clocks(
     """
     for_each(
         len(state.place),
-        lambda k: scheme.advance_own(k, state, forces, rates, limits, until, steps),
+        lambda k: stepper.advance_own(k, state, forces, rates, limits, until, steps),
     )

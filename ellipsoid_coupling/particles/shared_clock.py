@@ -19,8 +19,8 @@ from ellipsoid_coupling.compiled.jit import one_by_one, parallel_kernel
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.tuning import FEW_BLOCKS, FEW_SAMPLES
 from ellipsoid_coupling.particles.clocks import (
-    Scheme,
     SharedClock,
+    Stepper,
     Work,
     interact,
     new_outcome,
@@ -95,7 +95,7 @@ register_formula(interact, SharedClock, _interact)
 
 
 def advance_shared_clock(
-    scheme: Scheme,
+    stepper: Stepper,
     state: ParticleState,
     forces: Forces,
     rates: Rates,
@@ -108,9 +108,9 @@ def advance_shared_clock(
     state : with one row of clock
     """
     blocks, degrees, size = state.place.shape
-    shape = (len(Trial._fields), blocks if scheme.tries else 0, degrees, size)
+    shape = (len(Trial._fields), blocks if stepper.tries else 0, degrees, size)
     # A new array of this size would be given to the process page by page, in each call.
     trial = Trial(*forces.workspace.array("trial", shape, np.float64))
     outcome, interacts = new_outcome(blocks, degrees), forces.interaction is not None
     work = Work(state, forces.block, interacts, rates, limits, trial, outcome)
-    scheme.advance_clock(SharedClock(work, forces.interaction), until, steps)
+    stepper.advance_clock(SharedClock(work, forces.interaction), until, steps)

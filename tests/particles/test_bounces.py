@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from ellipsoid_coupling.interaction.drift import Drift
-from ellipsoid_coupling.particles import SCHEMES
+from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.forces import BlockForces
 from ellipsoid_coupling.particles.own_clock import advance_own_clocks
@@ -102,7 +102,7 @@ def test_a_bounce_against_a_force_keeps_order_two(damping: float) -> None:
                 until = min(state.clock[0, TIME] + dt, end)
                 until = end if end - until < 1e-9 else until
                 limits = Limits(dt, 1e30, np.ones(2), box)
-                advance_own_clocks(SCHEMES["accurate"], state, SPRING, rates, limits, until, 1)
+                advance_own_clocks(STEPPERS["accurate"], state, SPRING, rates, limits, until, 1)
             found.append(state.place[0, 0, 0] - sprung(damping, end, 0.3))
         errors.append(np.abs(found).max())
     assert errors[1] < 1e-3

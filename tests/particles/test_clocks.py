@@ -9,19 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import KeptArrays
-from ellipsoid_coupling.particles import SCHEMES
-from ellipsoid_coupling.particles.clocks import Scheme
+from ellipsoid_coupling.particles import STEPPERS
+from ellipsoid_coupling.particles.clocks import Stepper
 from ellipsoid_coupling.particles.forces import Forces
 from ellipsoid_coupling.particles.shared_clock import advance_shared_clock
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.stepping.step_control import GIVEN, new_clock
 
 Floats = NDArray[np.float64]
-BOTH = pytest.mark.parametrize("scheme", list(SCHEMES.values()), ids=list(SCHEMES))
+BOTH = pytest.mark.parametrize("scheme", list(STEPPERS.values()), ids=list(STEPPERS))
 DAMPING = 0.5
 
 
-def driven(scheme: Scheme, dt: float, end: float) -> tuple[ParticleState, list[float]]:
+def driven(scheme: Stepper, dt: float, end: float) -> tuple[ParticleState, list[float]]:
     """Two blocks of three particles, v' = cos t - v/2 from rest, fixed steps; the times asked for."""
     place, asked = np.zeros((2, 2, 3)), []
 
@@ -42,7 +42,7 @@ def driven(scheme: Scheme, dt: float, end: float) -> tuple[ParticleState, list[f
 
 
 @BOTH
-def test_forces_are_asked_for_at_the_time_of_their_evaluation(scheme: Scheme) -> None:
+def test_forces_are_asked_for_at_the_time_of_their_evaluation(scheme: Stepper) -> None:
     """`paper` at the start of each step; `accurate` at the start, then at the end of each step."""
     _, asked = driven(scheme, 0.25, 1.0)
     expected = [0.0, 0.25, 0.5, 0.75] + ([1.0] if scheme.order == 2 else [])
@@ -50,7 +50,7 @@ def test_forces_are_asked_for_at_the_time_of_their_evaluation(scheme: Scheme) ->
 
 
 @BOTH
-def test_a_force_of_time_is_met_in_the_order_of_the_scheme(scheme: Scheme) -> None:
+def test_a_force_of_time_is_met_in_the_order_of_the_scheme(scheme: Stepper) -> None:
     """V' = cos t - v/2 has v = (c cos t + sin t - c e^{-ct})/(1 + c^2), c = 1/2; slopes within 0.1."""
     c, end, errors = DAMPING, 2.0, []
     wave = c * math.cos(end) + math.sin(end) - c * math.exp(-c * end)

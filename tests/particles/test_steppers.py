@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift
-from ellipsoid_coupling.particles import SCHEMES
-from ellipsoid_coupling.particles.clocks import Scheme
+from ellipsoid_coupling.particles import STEPPERS
+from ellipsoid_coupling.particles.clocks import Stepper
 from ellipsoid_coupling.particles.forces import BlockForces
 from ellipsoid_coupling.particles.linear import (
     linear_step,
@@ -35,8 +35,8 @@ from ellipsoid_coupling.stepping.step_control import (
 
 Floats = NDArray[np.float64]
 NO_DRIFT = Drift(None, 0.0, None, 0.0, None, None, None)
-PAPER, ACCURATE = SCHEMES["paper"], SCHEMES["accurate"]
-BOTH = pytest.mark.parametrize("scheme", list(SCHEMES.values()), ids=list(SCHEMES))
+PAPER, ACCURATE = STEPPERS["paper"], STEPPERS["accurate"]
+BOTH = pytest.mark.parametrize("scheme", list(STEPPERS.values()), ids=list(STEPPERS))
 
 
 def state_at(place: Floats, velocity: Floats, noise: Floats | None = None) -> ParticleState:
@@ -55,7 +55,7 @@ def limits_of(step: float, degrees: int = 2, tolerance: float = 1e30) -> Limits:
 
 
 def advance(
-    scheme: Scheme,
+    scheme: Stepper,
     state: ParticleState,
     drift: Drift,
     rates: Rates,
@@ -68,7 +68,7 @@ def advance(
 
 
 def march(
-    scheme: Scheme, state: ParticleState, drift: Drift, rates: Rates, dt: float, end: float
+    scheme: Stepper, state: ParticleState, drift: Drift, rates: Rates, dt: float, end: float
 ) -> None:
     """Fixed steps: each call may only reach its own end."""
     degrees = state.place.shape[1]
@@ -89,7 +89,7 @@ def stagnation_truth(x: float, y: float, t: float) -> tuple[float, float]:
 
 
 @BOTH
-def test_order_is_the_declared_one(scheme: Scheme, stagnation_flow: FlowField) -> None:
+def test_order_is_the_declared_one(scheme: Stepper, stagnation_flow: FlowField) -> None:
     """Errors at dt and dt/2 on the closed form of top_bottom; the slope within 0.15."""
     drift = NO_DRIFT._replace(flow=stagnation_flow.arrays, drag=1.0)
     truth = np.array(stagnation_truth(0.7, 0.4, 1.6))
@@ -159,7 +159,7 @@ def test_noise_has_the_exact_covariance() -> None:
 
 
 @pytest.mark.parametrize(("scheme", "bias"), [(ACCURATE, 1.0), (PAPER, 1 / (1 - 0.125))])
-def test_velocities_settle_to_the_known_gaussian(scheme: Scheme, bias: float) -> None:
+def test_velocities_settle_to_the_known_gaussian(scheme: Stepper, bias: float) -> None:
     """A = 1, Gamma = 1/2, dt = 1/2: unit variance exactly, 1/(1 - dt Gamma/2) for Euler-Maruyama.
 
     10 000 numbers give the variance to 1.4 %; four standard deviations are allowed.
@@ -266,7 +266,7 @@ def test_the_worst_particle_bounds_the_step() -> None:
 def test_both_steppers_keep_the_largest_force() -> None:
     """Of the start, though all calls end where the force is small: V1 from 2, a quarter period a call."""
     drift = NO_DRIFT._replace(stiffness=1.0)
-    for scheme in SCHEMES.values():
+    for scheme in STEPPERS.values():
         state = state_at(np.array([[-2.0], [0.5]]), np.zeros((2, 1)))
         march(scheme, state, drift, rates_of(0.0), math.pi / 64.0, math.pi / 2.0)
         assert abs(state.force[0]).max() < 0.2
@@ -275,7 +275,7 @@ def test_both_steppers_keep_the_largest_force() -> None:
 
 
 @BOTH
-def test_walls_reflect(scheme: Scheme) -> None:
+def test_walls_reflect(scheme: Stepper) -> None:
     """A free flight between two walls is a triangle wave, exactly (1e-12), speeds kept."""
     box = np.array([[0.0, 1.0], [0.0, 1.0]])
     limits = Limits(0.07, 1e30, np.ones(2), box)

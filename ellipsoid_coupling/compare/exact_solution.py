@@ -17,13 +17,8 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.models import Arrays, Setup
 from ellipsoid_coupling.models.flow_fit import require_fitting, require_start_inside
-from ellipsoid_coupling.models.from_scene import (
-    none_frozen,
-    particle_snapshot,
-    scene_drift,
-    scene_limits,
-    scene_rates,
-)
+from ellipsoid_coupling.models.from_scene import scene_drift, scene_rates
+from ellipsoid_coupling.models.particle_model import none_frozen, particle_snapshot, scene_limits
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce
 from ellipsoid_coupling.result import Result
@@ -150,7 +145,8 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
         )
     require_fitting(scene, flow)
     setup = Setup(scene, terms_of(scene), "accurate", flow, 0, 1)
-    terms = scene_drift(setup), scene_rates(setup).damping, scene_limits(setup)
+    limits = scene_limits(setup, scene.particles.number)
+    terms = scene_drift(setup), scene_rates(setup).damping, limits
     damping = terms[1]
     place = _sample_points(scene, side, damping.size)
     require_start_inside(scene, flow, place[:, 0], place[:, 1])

@@ -18,48 +18,29 @@ further out of an open domain than two ranges of the potential no longer interac
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import BufferPool
-from ellipsoid_coupling.compiled.threads import for_each
-from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.compiled.tuning import SAMPLE_STEPS_PER_CALL
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import Spot
-from ellipsoid_coupling.models.from_scene import (
-    freeze_again,
-    none_frozen,
-    particle_counts,
-    particle_health,
-    particle_snapshot,
-    particle_spot,
-    random_points,
-    require_none_left,
-    scene_drift,
-    scene_limits,
-    scene_rates,
-    silence,
-    start_at_rest,
-)
-from ellipsoid_coupling.particles.blocks import Alone, Forces
-from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
-from ellipsoid_coupling.particles.shared_clock import TOGETHER
+from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.from_scene import scene_drift
+from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
+from ellipsoid_coupling.particles.forces import BlockForces, Forces
+from ellipsoid_coupling.particles.shared_clock import advance_shared_clock
 from ellipsoid_coupling.particles.state import ParticleState
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.stepping.status import MEANING, RUNNING
-from ellipsoid_coupling.stepping.step_control import GIVEN, STATUS, TIME, new_clock
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 
-# Without noise a call of `advance` may take any number of steps; a few show progress often enough.
-_STEPS_PER_CALL = 8
-# A block costs as much besides as some fifty of its samples; this many fit into cache.
+# Samples a block: this many fit into cache, and a block costs as much besides as some fifty of them. Not a
+# mere matter of speed: the error of all samples is a sum over blocks, which rounds by how they are cut.
 _BLOCK = 1024
 
 
@@ -78,30 +59,27 @@ def even_points(scene: Scene, samples: int) -> Floats:
     return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
-def start_state(setup: Setup) -> ParticleState:
-    """All samples at rest, at the start angle; blocks are rows of points or realisations."""
+def start_points(setup: Setup) -> Floats:
+    """Where samples start, (K, 2, B): blocks are realisations, or without noise rows of even points."""
     scene, realisations = setup.scene, setup.realisations
     if setup.terms.noise or setup.terms.angular_noise:
-        points = random_points(scene, setup.seed, realisations)
-    else:
-        points = even_points(scene, scene.particles.number * realisations)
-    place, velocity = start_at_rest(setup, points)
-    clock = new_clock(1, scene.numerics.time_step, GIVEN)
-    frozen = none_frozen(setup, place)
-    return ParticleState(place, velocity, velocity.copy(), clock, None, frozen)
+        return random_points(scene, setup.seed, realisations)
+    return even_points(scene, scene.particles.number * realisations)
 
 
 def _interact(
     interaction: SampleInteraction | SamplePairs,
     weights: tuple[float, float],
     frozen: Flags | None,
+    t: float,
     place: Floats,
     force: Floats,
-) -> int:
-    """Add what those that have not left the flow's mesh do to each other; each keeps its mass."""
+) -> None:
+    """`forces.BlockInteraction` of all samples that have not left the flow's mesh; each keeps its mass."""
+    del t  # the potential does not depend on it
     if frozen is None or not frozen.any():
         interaction.add_forces(place, weights, force)
-        return 0
+        return
     moving = frozen == 0
     if moving.any():
         part = np.count_nonzero(moving) / moving.size
@@ -109,124 +87,50 @@ def _interact(
         felt = np.zeros_like(some)
         interaction.add_forces(some, (part * weights[0], part * weights[1]), felt)
         force.swapaxes(0, 1)[:, moving] += felt[0]
-    return 0
 
 
-class McKeanVlasov:
+class McKeanVlasov(ParticleModel):
     """`Model` of the nonlinear process."""
 
     names: ClassVar[tuple[str, ...]] = ("mckean_vlasov",)
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
     together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup) -> None:
-        self.name = name
-        self._setup = setup
-        self._stepper = TOGETHER[setup.scheme]
-        drift = scene_drift(setup)
-        particles = setup.scene.particles
-        weights = 1.0 / particles.mass, 1.0 / particles.inertia
-        self._rates = scene_rates(setup)
-        self._state = start_state(setup)
-        samples = self._state.place.shape[0] * self._state.place.shape[2]
-        self._limits = scene_limits(setup, samples)
+        state = start_at_rest(setup, start_points(setup), 1)
+        samples = state.place[:, 0].size
+        super().__init__(name, setup, state, samples)
         asked = scene_samples(setup.scene, samples)
         self._interaction = None if asked is None else choose_samples(asked)
-        alone = Alone(drift._replace(pairs=None), drift.pairs)
-        # Not a method: a model that refers to itself keeps its memory until the garbage is collected.
-        acting = self._interaction
-        together = (
-            None if acting is None else partial(_interact, acting, weights, self._state.frozen)
-        )
-        self._forces = Forces(alone, together, BufferPool())
-        self._blocks = np.zeros(1, np.int64)
+        self._forces = self._forces_of(setup, state.frozen)
 
-    @staticmethod
-    def require_fit(setup: Setup) -> None:
-        """Every scene fits."""
+    def _forces_of(self, setup: Setup, frozen: Flags | None) -> Forces:
+        particles, drift = setup.scene.particles, scene_drift(setup)
+        block, workspace = BlockForces(drift._replace(pairs=None), drift.pairs), BufferPool()
+        if self._interaction is None:
+            return Forces(block, None, workspace)
+        weights = 1.0 / particles.mass, 1.0 / particles.inertia
+        # A bound method would make a cycle of references, which delays that the model is freed.
+        acting = partial(_interact, self._interaction, weights, frozen)
+        return Forces(block, acting, workspace)
 
-    @property
-    def time(self) -> float:
-        """The time that all samples have reached."""
-        return float(self._state.clock[0, TIME])
+    def _steps_per_call(self) -> int:
+        return SAMPLE_STEPS_PER_CALL
 
-    def advance(self, until: float) -> None:
-        """A few steps of all samples; as many as there is noise for in one block of it."""
-        state = self._state._replace(noise=self._draw_noise())
-        steps = _STEPS_PER_CALL if state.noise is None else STEPS_PER_BLOCK
-        self._stepper.advance(state, self._forces, self._rates, self._limits, until, steps)
-        self._check()
-
-    def _draw_noise(self) -> Floats | None:
-        """The next block of every realisation's noise; None without noise."""
-        rates = self._rates
-        components = (rates.last_noisy - rates.first_noisy) * self._stepper.noise_per_step
-        if components == 0:
-            return None
-        realisations, _, number = self._state.place.shape
-        noise = np.empty((realisations, STEPS_PER_BLOCK, components, number))
-        block, seed = int(self._blocks[0]), self._setup.seed
-
-        def draw(k: int) -> None:
-            noise[k] = gaussian_block(seed, k, block, components, number)
-
-        for_each(realisations, draw)
-        self._blocks += 1
-        silence(self._state, noise)
-        return noise
-
-    def _check(self) -> None:
-        require_none_left(self._state, self._setup, self.name)
-        status = int(self._state.clock[0, STATUS])
-        if status != RUNNING:
-            what, remedy = MEANING[status]
-            raise RunError(
-                f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}: {what}. "
-                f"{self.spot()} {remedy}"
-            )
+    def _step(self, state: ParticleState, until: float, steps: int) -> None:
+        forces, rates, limits = self._forces, self._rates, self._limits
+        advance_shared_clock(self._stepper, state, forces, rates, limits, until, steps)
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (1, S)."""
-        blocks = particle_snapshot(self._state, self._setup.scene)
-        return {name: values.reshape(1, -1) for name, values in blocks.items()}
-
-    def state(self) -> Arrays:
-        """Positions, velocities, drift, clock and the number of noise blocks used."""
-        fields = self._state
-        return {
-            "place": fields.place,
-            "velocity": fields.velocity,
-            "force": fields.force,
-            "clock": fields.clock,
-            "blocks": self._blocks,
-        }
-
-    def restore(self, state: Arrays) -> None:
-        """Continue from a `state`."""
-        current = self.state()
-        for name, array in state.items():
-            current[name][...] = array
-        freeze_again(self._state, self._setup.flow)
-
-    def spot(self) -> Spot:
-        """The particle that is pulled hardest."""
-        return particle_spot(self._state, self._setup)
-
-    def health(self) -> Health:
-        """Speeds and forces of all particles, and whether all are inside."""
-        return particle_health(self._state, self._limits.box)
+        return {name: values.reshape(1, -1) for name, values in super().snapshot().items()}
 
     def counts(self) -> Counts:
         """The steps and samples; harmonics and nodes of their interaction, 0 where it is pair by pair."""
-        return particle_counts(self._state) | {
+        return super().counts() | {
             "samples": float(self._state.place[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
             "nodes_per_width": self._interaction.nodes_per_width if self._interaction else 0.0,
         }
-
-    def coordinates(self) -> dict[str, Floats]:
-        """Samples are plain counts."""
-        return {}
 
 
 MODEL = McKeanVlasov

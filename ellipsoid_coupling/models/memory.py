@@ -15,8 +15,8 @@ from ellipsoid_coupling.interaction.pairs.cells import CELLS_PER_REACH
 from ellipsoid_coupling.interaction.particle_mesh.nodes import nodes_per_width
 from ellipsoid_coupling.interaction.particle_mesh.select import affordable_harmonics, scene_samples
 from ellipsoid_coupling.models.base import Model, Setup
+from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK
-from ellipsoid_coupling.particles.shared_clock import TOGETHER
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -102,7 +102,7 @@ def _particle_needs(model: type[Model], setup: Setup) -> list[Need]:
     number, keys = scene.particles.number, "keys particles.number, particles.realisations, times"
     stepping, ending = _saved("particles", len(scene.times))
     components = 2.0 * terms.noise + terms.angular_noise
-    stepping += components * STEPS_PER_BLOCK * TOGETHER[scheme].noise_per_step
+    stepping += components * STEPS_PER_BLOCK * STEPPERS[scheme].noise_per_step
     count = float(number * setup.realisations)
     work = _WORK["particles", scheme] + max(stepping, ending)
     at_once = count if model.together else float(number)

@@ -1,14 +1,11 @@
-"""Particle steppers, one file each; `SCHEMES` names them as the command line does.
+"""Particles: their state, their steppers, the clocks that these run on, noise.
 
-A stepper is a module with a function ``advance(state, drift, rates, limits, until, steps)`` that
-moves every realisation by at most `steps` steps and never beyond `until`, and the numbers of
-Gaussian components that it wants a step, ``NOISE_PER_STEP`` a degree of freedom.
+A stepper is one file with a `clocks.Stepper`; `STEPPERS` names them as the command line does.
 """
 
 from __future__ import annotations
 
-from types import ModuleType
-
 from ellipsoid_coupling.particles import exponential, leapfrog
+from ellipsoid_coupling.particles.clocks import Stepper
 
-SCHEMES: dict[str, ModuleType] = {"paper": leapfrog, "accurate": exponential}
+STEPPERS: dict[str, Stepper] = {"paper": leapfrog.STEPPER, "accurate": exponential.STEPPER}

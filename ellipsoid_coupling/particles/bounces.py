@@ -1,8 +1,8 @@
 """Bounces off walls inside a step: one coordinate of one particle, from wall to wall.
 
-Between walls the force is linear in time, v' = f + s t - Gamma v, and the path known in closed form
-(`linear`). Where it meets a wall the velocity turns round and the path begins anew; the force does not
-turn round, so that a step over a wall is as exact as any other.
+Between walls the force is linear in time, v' = f + s t - Gamma v, and the path has a closed form
+(`linear`). At a wall the velocity changes its sign and the path begins anew. The force keeps its sign
+and goes on in time, so that a step over a wall is as exact as any other.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.geometry.reflection import reflect
 from ellipsoid_coupling.particles.linear import phi_functions
 
-# So many bounces a step are followed one by one.
+# Bounces that are followed one by one in a step.
 _MOST_BOUNCES = 64
-# Of the search for when a wall is met; it takes some eight turns, and two where the path is a parabola.
-_MOST_TURNS = 80
+# Iterations of the search for the time of a bounce; it takes some eight, and two for a parabola.
+_MOST_ITERATIONS = 80
 _ROUNDING = 4e-16
 
 
@@ -69,11 +69,14 @@ def _beyond(flight: Flight, wall: float, t: float) -> float:
 
 @kernel
 def _search(flight: Flight, wall: float, turning: bool, end: float) -> float:
-    """When, before `end`, the path is at a wall, or where it turns round: regula falsi (Illinois)."""
+    """The time before `end` when the path is at a wall, or where it turns round: regula falsi (Illinois).
+
+    Halving the value at the end that stays keeps the bracket and makes the order 1.44, without derivatives.
+    """
     a, b = 0.0, end
     at_a = _velocity(flight, a) + flight.noise if turning else _beyond(flight, wall, a)
     at_b = _velocity(flight, b) + flight.noise if turning else _beyond(flight, wall, b)
-    for _ in range(_MOST_TURNS):
+    for _ in range(_MOST_ITERATIONS):
         if at_b == 0.0 or at_a == at_b:
             break
         c = b - at_b * (b - a) / (at_b - at_a)
@@ -94,7 +97,7 @@ def _first_exit(flight: Flight, left: float, low: float, high: float) -> tuple[f
     """The wall that the path crosses first, and a time when it is beyond; 0 if it crosses none."""
     started, ended = flight.velocity + flight.noise, _velocity(flight, left) + flight.noise
     if started * ended < 0.0:
-        # It turns round on the way: where it was furthest.
+        # It turns round on the way: it may have crossed a wall and come back.
         t = _search(flight, 0.0, True, left)
         top = flight.place + t * _mean_velocity(flight, t)
         if t > 0.0 and (top < low or top > high):
@@ -123,16 +126,17 @@ def fly(flight: Flight, time: float, low: float, high: float) -> tuple[float, fl
         outwards = 1.0 if wall == high else -1.0
         at_once = flight.place == wall and (flight.velocity + flight.noise) * outwards >= 0.0
         if at_once and resting:
-            # Pressed against the wall, without speed: there it stays.
+            # The force presses it against the wall, and the bounce before left it no speed.
             return wall, flight.velocity, sign, bounces
         t = 0.0 if at_once else _search(flight, wall, False, beyond)
         force = flight.force + t * flight.slope
         speed = -_velocity(flight, t)
         flight = Flight(wall, speed, force, flight.slope, -flight.noise, flight.damping)
         sign, left, resting = -sign, left - t, at_once
-    place, turned = flight.place + left * (flight.velocity + flight.noise), 1.0
+    place = flight.place + left * (flight.velocity + flight.noise)
     if low <= place <= high:
-        # It hops along the wall, ever so little: it keeps its energy.
+        # Many tiny hops along one wall. To stop at the wall with the present speed keeps the energy.
         return flight.place, flight.velocity, sign, _MOST_BOUNCES
+    # Many crossings of the box: the force matters little, and the free path is folded back.
     place, turned = reflect(place, low, high)
     return place, turned * flight.velocity, turned * sign, _MOST_BOUNCES

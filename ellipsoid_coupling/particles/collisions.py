@@ -1,27 +1,27 @@
-"""How long a step may be, so that nobody passes a neighbour unseen.
+"""The longest step in which no particle passes through a neighbour unnoticed.
 
-A force that is 0 at both ends of a step tells nothing of what lies between. So no pair that may meet
-shall move, against one another, by more than a part of how thick a particle's potential is:
+A force that is 0 at both ends of a step does not show what lies between. So the particles of a pair that
+may meet must not move, against one another, by more than a part of the thickness of their potential:
 
     dt |v_i - v_j| <= c b,    b = sqrt(2) d the potential's reach on the short side, d = 2 D,
                               c = (2/ln(1/tolerance))^{1/2}
 
 A chord of the potential that is shorter than c b lies where exp(-s/(1-s)) is below tolerance^2.
 
-To compare all pairs would cost as much as their forces. Instead the displacements d_i of a step are
+A comparison of all pairs would cost as much as their forces. Instead the displacements d_i of a step are
 compared with a motion r -> A r + b that is fitted to some of them, of strain S (the symmetric part of A)
-and rotation W. In the frame that turns with W, particles delta apart move by S delta + e_i - e_j, so that
-those that come within `reach` move by less than
+and rotation W. In the frame that turns with W, particles delta apart move by S delta + e_i - e_j, where
+e_i is the residual of the fit. Those that come within `reach` therefore move by less than
 
     (S reach + e)/(1 - S),    e = 2 max |e_i| + lever max |dtheta_i - W|.
 
-Flows are smooth: e is small where particles are many. A neighbour that is too weak to move anyone by the
-tolerance in a step may be passed (`pull`); for all of them together the root mean square of e_i counts
-instead of the largest.
+Flows are smooth, so e is small where particles are many. A neighbour that is too weak to move a particle
+by the tolerance in a step may be passed (`pull`). Where only all neighbours together are strong enough,
+the root mean square of e_i counts instead of the largest.
 
 With noise, a step that ends inside a neighbour is not repeated. Then c^2 is half of that, and the width at
 most the length in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the
-energy that the pair meets with, of heat and of the motion that is seen. Nothing here looks at the noise
+energy with which the pair meets, of heat and of the visible motion. The bound does not depend on the noise
 to come, so no outcome is preferred.
 """
 
@@ -47,10 +47,10 @@ PAIR, CROWD, WALL = range(3)
 
 # The largest of sqrt(s) exp(-s/(1-s))/(1-s)^2, at s = 0.577.
 _STEEPEST = 1.0852
-# The motion is fitted to about so many particles.
+# The motion is fitted to about this many particles: six unknowns need no more, and all would cost a pass.
 _FITTED = 128
 _MOST_TRIALS = 40
-# Ghost particles stand half a length apart: so many act on a particle.
+# How many ghost particles act on a particle; they stand half a length apart.
 GHOSTS_IN_REACH = 6.0
 
 
@@ -61,7 +61,7 @@ def contact_of(
     ghosts: bool,
     energies: tuple[float, float, float],
 ) -> Contact:
-    """What `collision_step` must know of the particles.
+    """The properties of the particles that `collision_step` needs.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _moves(rates: Rates, dt: float) -> _Moves:
 
 @kernel
 def _matters(pull: Floats, rates: Rates, tolerance: float, dt: float) -> bool:
-    """Whether a push that a step misses moves anyone by more than the tolerance."""
+    """Whether a push that a step misses moves a particle by more than the tolerance."""
     for d in range(pull.size):
         if linear_step(rates.damping[d], 0.0, dt).place_missed * pull[d] > tolerance:
             return True
@@ -135,7 +135,7 @@ def _matters(pull: Floats, rates: Rates, tolerance: float, dt: float) -> bool:
 
 @kernel
 def _meets(frozen: Flags | None, k: int, i: int) -> bool:
-    """Whether particle i of block k meets anyone: frozen ones act on nobody."""
+    """Whether particle i of block k can meet others: frozen ones act on none."""
     return frozen is None or frozen[k, i] == 0
 
 
@@ -144,6 +144,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
     place, velocity, force, frozen = cloud
     blocks, _, size = place.shape
+    # Evenly over all blocks, and always the same ones: no result may depend on chance or on threads.
     stride = max(1, blocks * size // _FITTED)
     means = np.zeros(4)
     count = 0
@@ -155,6 +156,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
                 means[d] += place[k, d, i]
                 move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
                 means[2 + d] += move
+    # Centred first: squares of places far from the origin would cancel in the determinant.
     means /= max(count, 1)
     squares, products = np.zeros(3), np.zeros((2, 2))
     for j in range(0, blocks * size, stride):
@@ -169,7 +171,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
             move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
             products[d, 0] += (move - means[2 + d]) * x
             products[d, 1] += (move - means[2 + d]) * y
-    # Of all motions that fit particles on a line, the least.
+    # Particles on a line leave the motion across it open: this chooses the least.
     squares[0] += 1e-10 * (squares[0] + squares[2])
     squares[2] += 1e-10 * (squares[0] + squares[2])
     det = squares[0] * squares[2] - squares[1] * squares[1]
@@ -187,51 +189,51 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
 
 
 @apart_kernel
-def _square_rests(
+def _square_residuals(
     place: Floats,
     velocity: Floats,
     force: Floats,
     moves: _Moves,
     motion: tuple[float, ...],
-    rests: Floats,
+    residuals: Floats,
 ) -> None:
-    """|e_i|^2 and (dtheta_i - W)^2 of one block: rests (2, B)."""
+    """|e_i|^2 and (dtheta_i - W)^2 of one block: residuals (2, B)."""
     x0, y0, dx0, dy0, xx, xy, yx, yy = motion
     v, f = moves.velocity[0], moves.force[0]
-    for i in range(rests.shape[1]):
+    for i in range(residuals.shape[1]):
         x, y = place[0, i] - x0, place[1, i] - y0
         ex = v * velocity[0, i] + f * force[0, i] - dx0 - xx * x - xy * y
         ey = v * velocity[1, i] + f * force[1, i] - dy0 - yx * x - yy * y
-        rests[0, i] = ex * ex + ey * ey
+        residuals[0, i] = ex * ex + ey * ey
     if place.shape[0] == 3:
         v, f = moves.velocity[1], moves.force[1]
-        for i in range(rests.shape[1]):
+        for i in range(residuals.shape[1]):
             turn = v * velocity[2, i] + f * force[2, i] - 0.5 * (yx - xy)
-            rests[1, i] = turn * turn
+            residuals[1, i] = turn * turn
 
 
 @kernel
-def _leave_out(frozen: Flags | None, k: int, rests: Floats) -> None:
+def _leave_out(frozen: Flags | None, k: int, residuals: Floats) -> None:
     if frozen is not None:
-        for i in range(rests.shape[1]):
+        for i in range(residuals.shape[1]):
             if frozen[k, i] != 0:
-                rests[:, i] = 0.0
+                residuals[:, i] = 0.0
 
 
 @kernel
-def _rests(
+def _residuals(
     cloud: Cloud, moves: _Moves, motion: tuple[float, ...], crowd: bool
 ) -> tuple[float, float]:
     """The largest |e_i| and |dtheta_i - W|, or in a `crowd` their root mean squares."""
     place, velocity, force, frozen = cloud
     blocks, _, size = place.shape
-    rests = np.zeros((2, size))
+    residuals = np.zeros((2, size))
     found = np.zeros(2)
     for k in range(blocks):
-        _square_rests(place[k], velocity[k], force[k], moves, motion, rests)
-        _leave_out(frozen, k, rests)
+        _square_residuals(place[k], velocity[k], force[k], moves, motion, residuals)
+        _leave_out(frozen, k, residuals)
         for kind in range(2):
-            total, largest = sum_and_largest(rests[kind])
+            total, largest = sum_and_largest(residuals[kind])
             found[kind] = found[kind] + total if crowd else max(found[kind], largest)
     if crowd:
         found /= blocks * size
@@ -245,19 +247,19 @@ def allowed_width(contact: Contact, speed: float) -> float:
     energy = contact.heat + 0.25 * contact.mass * speed * speed
     if contact.height > energy:
         steep = math.log(contact.height / energy) if energy > 0.0 else np.inf
-        rest = 1.0 / (1.0 + steep)  # 1 - s, where exp(-s/(1-s)) is the energy over the height
-        width = min(width, 0.5 * rest * rest / math.sqrt(1.0 - rest))
+        gap = 1.0 / (1.0 + steep)  # 1 - s, where exp(-s/(1-s)) is the energy over the height
+        width = min(width, 0.5 * gap * gap / math.sqrt(1.0 - gap))
     return contact.thickness * width
 
 
 @kernel
 def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool, dt: float) -> float:
-    """The part of a step in which nobody passes another particle; see the module."""
+    """The part of a step in which no particle passes another one; see the module."""
     motion = _fit(cloud, moves)
-    rest, turn = _rests(cloud, moves, motion, crowd)
+    residual, turn = _residuals(cloud, moves, motion, crowd)
     xx, xy, yx, yy = motion[4:]
     strain = 0.5 * abs(xx + yy) + math.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))
-    apart = 2.0 * rest + contact.lever * turn + 4.0 * moves.noise
+    apart = 2.0 * residual + contact.lever * turn + 4.0 * moves.noise
     meeting = strain * contact.reach + apart
     width = allowed_width(contact, meeting / dt)
     return width / (meeting + strain * width)
@@ -267,7 +269,7 @@ def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool, 
 def _part_at_walls(
     contact: Contact, box: Floats | None, cloud: Cloud, moves: _Moves, dt: float
 ) -> float:
-    """The part of a step in which nobody passes a neighbour or a wall's ghost on bouncing."""
+    """The part of a step in which no particle that bounces passes a neighbour or a wall's ghost."""
     if box is None:
         return np.inf
     place, velocity, force, _ = cloud
@@ -288,6 +290,7 @@ def _part_at_walls(
 @kernel
 def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: float) -> float:
     """The part of a step of dt that may be taken."""
+    # The cheapest question first: most steps of many weak particles end here, without a pass over them.
     part = np.inf
     pair = _matters(contact.pull[PAIR], rates, limits.tolerance, dt)
     crowd = _matters(contact.pull[CROWD], rates, limits.tolerance, dt)
@@ -308,11 +311,12 @@ def _shortened(
             part = _part(contact, cloud, rates, limits, dt)
             if not part < 1.0:
                 break
+            # The part depends on dt, so that it is looked at again; 0.95 makes that end soon.
             dt *= max(0.1, 0.95 * part)
     return dt
 
 
 @kernel
 def collision_step(cloud: Cloud, rates: Rates, limits: Limits, dt: float) -> float:
-    """The longest step, up to dt, in which nobody of a cloud passes a neighbour or a ghost unseen."""
+    """The longest step, up to dt, in which no particle passes a neighbour or a ghost unnoticed."""
     return _shortened(limits.contact, cloud, rates, limits, dt)

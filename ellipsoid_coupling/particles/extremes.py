@@ -1,7 +1,7 @@
 """Sums and largest values that vectorise, in a fixed order.
 
-The bits of numbers that are not negative, read as an integer, are in the order of the numbers: unlike
-those, integers have a maximum that a compiler may take in any order.
+Read as integers, the bits of numbers that are not negative have the order of the numbers. The compiler
+may take a maximum of integers in any order, and hence in vectors, but not one of floating point numbers.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Particles that leave the flow's mesh are frozen: at rest where they left it, acting on nobody.
 
-Beyond an outlet, or in a solid, nothing is known of the fluid. After each step the way from the old
-place to the new one is followed in steps of half a cell; at the first point outside the mesh the
-particle stays. Its velocity, force and noise are 0 from then on, so that every scheme leaves it
-there. Forces leave it out (`interaction.drift`). Nothing of this is compiled for scenes whose flow
-cannot be left.
+Beyond an outlet, or in a solid, the fluid is not known. After each step the straight way from the old
+place to the new one is followed in steps of half a cell. At the first point outside the mesh the
+particle stays: its velocity, force and noise are set to 0, so that every scheme leaves it there, and
+forces leave it out. Scenes whose flow cannot be left compile none of this.
 """
 
 from __future__ import annotations
@@ -19,8 +18,9 @@ from ellipsoid_coupling.particles.state import Limits, ParticleState
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 
+# Fewer could jump over the corner of a solid.
 _STEPS_PER_CELL = 2.0
-# A particle that crosses the whole mesh in one step is followed no finer than this many times its cells.
+# A bound for particles that cross the whole mesh in one step: this many times its cells.
 _MOST_STEPS = 4
 
 
@@ -31,15 +31,6 @@ def frozen_row(frozen: Flags | None, k: int) -> Flags | None:
         return None
     row: Flags = frozen[k]
     return row
-
-
-@kernel
-def frozen_block(frozen: Flags | None, k: int) -> Flags | None:
-    """The flags (1, N) of realisation k alone; None where the flow cannot be left."""
-    if frozen is None:
-        return None
-    block: Flags = frozen[k : k + 1]
-    return block
 
 
 @kernel
@@ -68,18 +59,18 @@ def _freeze(
         place, velocity, force = state.place[k], state.velocity[k], state.force[k]
         for i in range(place.shape[1]):
             if frozen[k, i] == 0:
-                here = (before[0, i], before[1, i]), (place[0, i], place[1, i])
-                left, x, y = first_outside(mesh, *here)
-                if left:
+                start, end = (before[0, i], before[1, i]), (place[0, i], place[1, i])
+                leaves, x, y = first_outside(mesh, start, end)
+                if leaves:
                     frozen[k, i] = 1
                     place[0, i], place[1, i] = x, y
                     velocity[:, i] = 0.0
                     force[:, i] = 0.0
-                    _silence(state.noise, k, i)
+                    _clear_noise(state.noise, k, i)
 
 
 @kernel
-def _silence(noise: Floats | None, k: int, i: int) -> None:
+def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
     if noise is not None:
         noise[k, :, :, i] = 0.0
 
@@ -90,7 +81,7 @@ def first_outside(
 ) -> tuple[bool, float, float]:
     """Whether the straight way leaves the mesh, and its first point outside, or else its end.
 
-    What is no number has not left: the run has failed, which is told elsewhere.
+    A place that is not finite counts as inside: the steppers report it as a failure of their own.
     """
     dx, dy = end[0] - start[0], end[1] - start[1]
     if not abs(dx) + abs(dy) < np.inf:

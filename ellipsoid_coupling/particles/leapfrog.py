@@ -1,6 +1,6 @@
-"""Scheme `paper`: first-order leapfrog with Euler-Maruyama noise.
+"""Stepper `paper`: first-order leapfrog with Euler-Maruyama noise.
 
-    v_{n+1} = v_n + dt (F(r_n, theta_n) - Gamma v_n) + A sqrt(dt) xi
+    v_{n+1} = v_n + dt (F(t_n, r_n, theta_n) - Gamma v_n) + A sqrt(dt) xi
     r_{n+1} = r_n + dt v_{n+1}
 
 and the same for theta and omega. Explicit in the damping, so stable only for dt Gamma < 2; the
@@ -15,33 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.compiled.threads import for_each
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
-from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
-from ellipsoid_coupling.particles.state import (
-    Limits,
-    ParticleState,
-    Rates,
-    all_finite,
-    bounce,
-    largest_forces,
-    noise_rows,
-    note_forces,
+from ellipsoid_coupling.compiled.jitable import jitable
+from ellipsoid_coupling.particles.clocks import (
+    Group,
+    Stepper,
+    Work,
+    interact,
+    note_block_finite,
+    note_block_forces,
+    note_outcome,
+    over_blocks,
+    set_block,
 )
-from ellipsoid_coupling.stepping.status import NOT_FINITE, RUNNING
-from ellipsoid_coupling.stepping.step_control import (
-    GIVEN,
-    OUTSIDE,
-    STATUS,
-    TIME,
-    accept,
-    equal_steps,
-)
+from ellipsoid_coupling.particles.forces import BlockForces
+from ellipsoid_coupling.particles.frozen import freeze, places_before
+from ellipsoid_coupling.particles.own_clock import own_clock
+from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, bounce, noise_rows
+from ellipsoid_coupling.stepping.status import RUNNING
+from ellipsoid_coupling.stepping.step_control import GIVEN, STATUS, TIME, accept, equal_steps
 
 Floats = NDArray[np.float64]
-
-ORDER = 1
-NOISE_PER_STEP = 1
 
 
 @kernel
@@ -61,63 +54,65 @@ def _add_noise(velocity: Floats, noise: Floats | None, rates: Rates, dt: float) 
 
 
 @kernel
-def _drift(place: Floats, velocity: Floats, dt: float) -> None:
+def _move(place: Floats, velocity: Floats, dt: float) -> None:
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
             place[d, i] += dt * velocity[d, i]
 
 
 @kernel
-def move(state: ParticleState, k: int, step: int, rates: Rates, limits: Limits, dt: float) -> None:
-    """One step of realisation k in the drift `state.force`, noise row `step`, in place."""
+def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
+    """Step number `step` of block k, in place, from the time t.
+
+    Sets the drift first, unless that of all blocks is there already, since they act on each other.
+    """
+    if not work.interacts:
+        set_block(k, work, t)
+    # Before particles are frozen, which sets their forces to 0.
+    note_block_forces(k, work)
+    state, rates, limits = work.state, work.rates, work.limits
     place, velocity = state.place[k], state.velocity[k]
     before = places_before(limits.mesh, place)
     _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
-    _drift(place, velocity, dt)
+    _move(place, velocity, dt)
     bounce(limits.box, place, velocity)
     freeze(state, k, limits, before)
+    # Of the place: it is not finite as soon as the velocity is not.
+    note_block_finite(k, work, place)
+
+
+@jitable
+def advance_clock(group: Group, until: float, steps: int) -> None:
+    """See `clocks.Stepper`."""
+    work = group.work
+    state, longest = work.state, work.limits.step
+    clock = state.clock[0]
+    for step in range(steps):
+        t = clock[TIME]
+        if until - t <= 0.0 or clock[STATUS] != RUNNING:
+            return
+        dt = equal_steps(until - t, longest)
+        # Two passes only where blocks act on each other in between; else each block is in cache for both.
+        if work.interacts:
+            over_blocks(group, set_block, (t,))
+            interact(group, t, state.place, state.force)
+        over_blocks(group, leap_block, (step, t, dt))
+        accept(clock, until, dt, longest, GIVEN)
+        note_outcome(clock, work.outcome)
 
 
 @kernel
-def _step(
-    state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
-) -> None:
-    clock = state.clock[k]
-    clock[OUTSIDE] = particle_forces(
-        drift, state.place[k], state.force[k], frozen_row(state.frozen, k)
-    )
-    note_forces(clock, *largest_forces(state.force[k]))
-    move(state, k, step, rates, limits, dt)
-    if not all_finite(state.place[k]):
-        clock[STATUS] = NOT_FINITE
-
-
-@kernel
-def _advance_one(
-    state: ParticleState,
+def _advance_own(
     k: int,
-    drift: Drift,
+    state: ParticleState,
+    forces: BlockForces,
     rates: Rates,
     limits: Limits,
     until: float,
     steps: int,
 ) -> None:
-    clock = state.clock[k]
-    for step in range(steps):
-        remaining = until - clock[TIME]
-        if remaining <= 0.0 or clock[STATUS] != RUNNING:
-            return
-        dt = equal_steps(remaining, limits.step)
-        _step(state, k, step, drift, rates, limits, dt)
-        accept(clock, until, dt, limits.step, GIVEN)
+    advance_clock(own_clock(k, state, forces, rates, limits, 0), until, steps)
 
 
-def advance(
-    state: ParticleState, drift: Drift, rates: Rates, limits: Limits, until: float, steps: int
-) -> None:
-    """Move every realisation by at most `steps` steps, in place and never beyond `until`."""
-    for_each(
-        state.place.shape[0],
-        lambda k: _advance_one(state, k, drift, rates, limits, until, steps),
-    )
+STEPPER = Stepper(advance_clock, _advance_own, order=1, noise_per_step=1, tries=False)

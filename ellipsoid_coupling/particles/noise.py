@@ -1,8 +1,8 @@
 """Gaussian noise: one counter-based stream per realisation, the same for any number of threads.
 
-Realisation k of seed s owns the Philox key spawned from s for k; block b of its noise starts at
-counter (0, 0, 0, b). A block is therefore reached without drawing the ones before it, which is what
-makes a resumed run repeat the bits of one that was never stopped.
+Realisation k of seed s has the Philox key that is spawned from s for k. Block b of its noise starts at
+counter (0, 0, 0, b), so it can be drawn without the blocks before it. A resumed run therefore repeats
+the bits of one that was never stopped.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-# Steps of noise that are drawn in one go.
+# Steps of noise in a block. Results depend on it: block b + 1 does not continue the numbers of block b.
 STEPS_PER_BLOCK = 16
 
 _START, _STEPS = range(2)

@@ -1,11 +1,11 @@
 """One step of the scheme `accurate`: predict with a constant drift, correct with its change.
 
-The formulas are those of `exponential`; between the two a caller evaluates the drift.
+The formulas are those of `exponential`; between the two a caller evaluates the drift. All particles take
+the plain formula in a loop that vectorises. Those that may come to a wall within the step, few as a rule,
+are then done again with their bounces.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,9 @@ from ellipsoid_coupling.geometry.reflection import reflect
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.frozen import freeze, places_before
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step
-from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial
 
 Floats = NDArray[np.float64]
-
-
-class Trial(NamedTuple):
-    """Work arrays of one realisation, (D, N) each: what a step would lead to.
-
-    `place` is where a constant drift leads, within the walls; `force` is the drift there.
-    """
-
-    place: Floats
-    force: Floats
 
 
 @kernel
@@ -74,6 +64,7 @@ def _add_velocity_noise(
 @kernel
 def _may_bounce(flight: Flight, linear: LinearStep, dt: float, low: float, high: float) -> bool:
     """Whether the path may come to a wall within the step."""
+    # A bound: a particle that it takes in needlessly is flown without a bounce, which differs by rounding.
     way = linear.place_velocity * abs(flight.velocity) + linear.place_force * abs(flight.force)
     way += linear.place_missed * abs(flight.slope) * dt + abs(flight.noise) * dt
     return not low + way <= flight.place <= high - way
@@ -96,6 +87,7 @@ def _predict_at_walls(
     place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
     for i in range(place.size):
         moved = _noise_of(noise, d, rates, linear, i)[0]
+        # The noise of the whole step is spread evenly over it: how it came about is not known.
         flight = Flight(place[i], velocity[i], force[i], 0.0, moved / dt, rates.damping[d])
         if _may_bounce(flight, linear, dt, low, high):
             trial.place[d, i] = fly(flight, dt, low, high)[0]
@@ -107,6 +99,7 @@ def _correct(state: ParticleState, k: int, d: int, linear: LinearStep, trial: Tr
     place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
     for i in range(place.size):
         change = trial.force[d, i] - force[i]
+        # The trial has the noise in it already; the correction is linear in the drift's change.
         place[i] = trial.place[d, i] + linear.place_change * change
         velocity[i] = (
             linear.decay * velocity[i]
@@ -140,7 +133,9 @@ def _correct_at_walls(
         if _may_bounce(flight, linear, dt, low, high):
             there, after, sign, bounces = fly(flight, dt, low, high)
             if bounces > 0:
+                # A bounce turns round the velocity's noise of the step as well: it keeps its law.
                 end, speed, kicked = there, after, sign * kicked
+        # Rounding, and the correction of a path that `_may_bounce` let pass, may end just outside.
         place[i], sign = reflect(end, low, high)
         velocity[i] = sign * (speed + kicked)
         force[i] = trial.force[d, i]
@@ -174,6 +169,7 @@ def _predict_in_box(
     trial: Trial,
     dt: float,
 ) -> None:
+    # A function of its own: numba leaves out what stands behind `if x is not None` for arguments only.
     if box is not None:
         for d in range(2):
             _predict_at_walls(state, k, d, noise, rates, box[d], trial, dt)
@@ -191,9 +187,8 @@ def accept_step(
 ) -> None:
     """Finish the step of realisation k that `trial` predicts, in place."""
     before = places_before(limits.mesh, state.place[k])
-    for d in range(
-        _correct_in_box(limits.box, state, k, noise, rates, trial, dt), len(trial.place)
-    ):
+    done = _correct_in_box(limits.box, state, k, noise, rates, trial, dt)
+    for d in range(done, len(trial.place)):
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
         _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])

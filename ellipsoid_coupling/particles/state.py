@@ -14,6 +14,7 @@ from ellipsoid_coupling.particles.extremes import largest_size
 from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.uint8]
 
 # Degrees of freedom, the second axis of the state; ANGLE is there only if something turns.
 X, Y, ANGLE = range(3)
@@ -41,7 +42,7 @@ class ParticleState(NamedTuple):
     force: Floats
     clock: Floats
     noise: Floats | None
-    frozen: NDArray[np.uint8] | None = None
+    frozen: Flags | None = None
 
 
 class Rates(NamedTuple):
@@ -61,8 +62,18 @@ class Rates(NamedTuple):
     last_noisy: int
 
 
+class Trial(NamedTuple):
+    """Where a step leads to: arrays (K, D, B) of all blocks, or (D, B) of one.
+
+    `place` is where a constant drift leads, within the walls; `force` is the drift there.
+    """
+
+    place: Floats
+    force: Floats
+
+
 class Contact(NamedTuple):
-    """What bounds a step by who may meet in it; see `particles.collisions`.
+    """What bounds a step where particles may meet in it; see `particles.collisions`.
 
     Attributes
     ----------
@@ -71,13 +82,13 @@ class Contact(NamedTuple):
     thickness : float
         Its reach on the short side.
     part : float
-        So much of the thickness may a pair within reach move against one another in a step.
+        The part of the thickness by which a pair within reach may move against one another in a step.
     lever : float
-        How far a particle's rim moves a radian that it turns, at most; 0 for circles.
+        The largest distance that a particle's rim moves in a turn of one radian; 0 for circles.
     pull : (3, D) float64
         The largest acceleration by one neighbour, by all of them and by ghosts, in units of `scale`.
     ghost_reach : float
-        Ghost particles of walls act so far into the box; 0 without.
+        How far into the box the ghost particles of walls act; 0 without.
     height, heat, mass : float
         Of one neighbour's potential (0 without noise, where steps are repeated), the thermal energy, and
         a particle's mass.
@@ -122,6 +133,37 @@ class Limits(NamedTuple):
 
 
 @kernel
+def realisation(state: ParticleState, k: int) -> ParticleState:
+    """Realisation k alone, as views: the axis of realisations stays, with length 1."""
+    one = slice(k, k + 1)
+    place, velocity, force, clock = state.place, state.velocity, state.force, state.clock
+    return ParticleState(
+        place[one],
+        velocity[one],
+        force[one],
+        clock[one],
+        _noise_of_one(state.noise, k),
+        _frozen_of_one(state.frozen, k),
+    )
+
+
+@kernel
+def _noise_of_one(noise: Floats | None, k: int) -> Floats | None:
+    if noise is None:
+        return noise  # a literal None would make the type of what is returned optional
+    one: Floats = noise[k : k + 1]
+    return one
+
+
+@kernel
+def _frozen_of_one(frozen: Flags | None, k: int) -> Flags | None:
+    if frozen is None:
+        return frozen
+    one: Flags = frozen[k : k + 1]
+    return one
+
+
+@kernel
 def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
     """The normal numbers (components, N) of one step of realisation k."""
     if noise is None:
@@ -156,7 +198,7 @@ def all_finite(place: Floats) -> bool:
 
 @kernel
 def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
-    """Fold (D, N) positions back into the box, in place, and turn the velocities round there."""
+    """Fold positions (D, N) back into the box, in place, and change the sign of the velocities there."""
     if box is not None:
         for d in range(2):
             for i in range(place.shape[1]):

@@ -26,12 +26,12 @@ from ellipsoid_coupling.stepping.status import NOT_FINITE, RUNNING, STEP_TOO_SMA
 Floats = NDArray[np.float64]
 
 # Columns of a clock. NEXT_STEP is planned because of the reason PLANNED_BY; SHORTEST was at
-# SHORTEST_AT; LARGEST_FORCE and LARGEST_TORQUE of all steps so far, of particles; WORST_ERROR since the
-# step was changed, at CHANGED_AT steps, where it is held; from FIRST_COUNT on stand the numbers of steps
-# that each reason has limited.
-TIME, NEXT_STEP, PLANNED_BY, STEPS, REJECTED, OUTSIDE, STATUS = range(7)
-SHORTEST, SHORTEST_AT, LONGEST, LARGEST_FORCE, LARGEST_TORQUE = range(7, 12)
-WORST_ERROR, CHANGED_AT, FIRST_COUNT = range(12, 15)
+# SHORTEST_AT; LARGEST_FORCE and LARGEST_TORQUE of all steps so far, of particles. Where the step is held:
+# WORST_ERROR of the steps since SEEN_SINCE; whether it GREW since it was last shortened; how often a
+# growth was TAKEN_BACK. From FIRST_COUNT on stand the numbers of steps that each reason has limited.
+TIME, NEXT_STEP, PLANNED_BY, STEPS, REJECTED, STATUS = range(6)
+SHORTEST, SHORTEST_AT, LONGEST, LARGEST_FORCE, LARGEST_TORQUE = range(6, 11)
+WORST_ERROR, SEEN_SINCE, GREW, TAKEN_BACK, FIRST_COUNT = range(11, 16)
 
 # What limits a step.
 SAVE_TIME, GIVEN, CFL_LIMIT, FORCE_LIMIT, ROTATION_LIMIT = range(5)
@@ -55,8 +55,9 @@ SMALLEST_STEP = 1e-12
 _AHEAD = 1.0 / 32.0
 # A step that was refused is tried again at this part; after each accepted one it may grow likewise.
 _SHORTER = 0.5
-# A step that is held grows by no less than this.
-_LEAST_GROWTH = 1.2
+# A held step doubles as soon as the last step allows it, until so many doublings were taken back; from then
+# on each further one makes it wait for so many times more steps.
+_FREE_DOUBLINGS, _LONGER_WAIT = 8.0, 16.0
 # Steps this much shorter than planned were cut to meet a save time.
 _CUT = 1.0 - 1e-9
 
@@ -133,7 +134,9 @@ def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int
 def shorten(clock: Floats, until: float, shorter: float, reason: int) -> None:
     """Plan a shorter step, or give up. One row, in place."""
     clock[NEXT_STEP], clock[PLANNED_BY] = shorter, reason
-    clock[WORST_ERROR], clock[CHANGED_AT] = 0.0, clock[STEPS]
+    clock[WORST_ERROR], clock[SEEN_SINCE] = 0.0, clock[STEPS]
+    clock[TAKEN_BACK] += clock[GREW]
+    clock[GREW] = 0.0
     if not shorter > SMALLEST_STEP * until:
         clock[STATUS] = STEP_TOO_SMALL
 
@@ -154,18 +157,34 @@ def step_factor(error: float) -> float:
 
 
 @kernel
-def held_step(clock: Floats, dt: float, error: float) -> float:
-    """The step to plan after one of dt where each change of it costs energy. One row, in place.
+def halved_step(dt: float, error: float) -> float:
+    """The held step to try after a refused one of dt: halved until the estimate allows it."""
+    shorter, left = 0.5 * dt, 0.125 * error
+    while not left <= 1.0 and shorter > 0.1 * dt:
+        shorter, left = 0.5 * shorter, 0.125 * left
+    return shorter
 
-    It grows only after as many steps as were taken before the last change, and only if the worst
-    error since then allows a fifth more: the number of changes goes with the logarithm of the steps.
+
+@kernel
+def held_step(clock: Floats, dt: float, error: float) -> float:
+    """The step to plan after one of dt where each change of it changes the energy. One row, in place.
+
+    A change at a point z adds (dt_new^2 - dt^2) G(z) to the energy. Those of a collision cancel, on the way
+    in and on the way out, if the step is nearly a function of z: so it only halves and doubles, and both
+    where the error of the longer step passes the tolerance. Over many collisions what does not cancel
+    adds up. So doublings that were taken back make the next one wait: their number goes with the logarithm
+    of the steps, and with it the energy's error.
     """
     clock[WORST_ERROR] = max(clock[WORST_ERROR], error)
-    growth = step_factor(clock[WORST_ERROR])
-    if clock[STEPS] + 1.0 < 2.0 * clock[CHANGED_AT] or growth < _LEAST_GROWTH:
+    done = clock[STEPS] + 1.0
+    waits = _LONGER_WAIT ** max(0.0, clock[TAKEN_BACK] - _FREE_DOUBLINGS)
+    if done - clock[SEEN_SINCE] < waits:
         return float(clock[NEXT_STEP])
-    clock[WORST_ERROR], clock[CHANGED_AT] = 0.0, clock[STEPS] + 1.0
-    return growth * dt
+    longer = 2.0 * dt if 8.0 * clock[WORST_ERROR] <= 1.0 else 0.0
+    clock[WORST_ERROR], clock[SEEN_SINCE] = 0.0, done
+    if longer > clock[NEXT_STEP]:
+        clock[GREW] = 1.0
+    return max(longer, float(clock[NEXT_STEP]))
 
 
 class Aside:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import Setup, build_model, from_scene
+from ellipsoid_coupling.models import Setup, build_model, from_scene, particle_model
 from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
 from ellipsoid_coupling.particles.noise import gaussian_block
@@ -114,7 +114,7 @@ def test_without_noise_no_random_number_is_drawn(
         drawn.append(components)
         return gaussian_block(seed, realisation, block, components, number)
 
-    monkeypatch.setattr(module, "gaussian_block", counted)
+    monkeypatch.setattr(particle_model, "gaussian_block", counted)
     run(model_of("rotation", {}, rotation_flow), 0.1)
     assert drawn == []
     only_a = {"noise.noise": 1.0, "noise.angular_noise": 0.0}
@@ -162,5 +162,5 @@ def test_a_diverging_run_says_so(rotation_flow: FlowField) -> None:
 def test_unknown_names_list_the_known_ones() -> None:
     scene = load_scene("rotation")
     setup = Setup(scene, terms_of(scene), "paper", None, 0, 1)
-    with pytest.raises(Exception, match="microscopic"):
+    with pytest.raises(InputError, match="microscopic"):
         build_model("nonsense", setup)

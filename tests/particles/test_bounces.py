@@ -9,12 +9,14 @@ import pytest
 from scipy.optimize import brentq
 
 from ellipsoid_coupling.interaction.drift import Drift
-from ellipsoid_coupling.particles import exponential
+from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.bounces import Flight, fly
+from ellipsoid_coupling.particles.forces import BlockForces
+from ellipsoid_coupling.particles.own_clock import advance_own_clocks
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
 from ellipsoid_coupling.stepping.step_control import GIVEN, TIME, new_clock
 
-SPRING = Drift(None, 0.0, None, 0.0, None, 1.0, None)
+SPRING = BlockForces(Drift(None, 0.0, None, 0.0, None, 1.0, None), None)
 
 
 def ball(height: float, t: float) -> tuple[float, float]:
@@ -99,9 +101,8 @@ def test_a_bounce_against_a_force_keeps_order_two(damping: float) -> None:
             while state.clock[0, TIME] < end:
                 until = min(state.clock[0, TIME] + dt, end)
                 until = end if end - until < 1e-9 else until
-                exponential.advance(
-                    state, SPRING, rates, Limits(dt, 1e30, np.ones(2), box), until, 1
-                )
+                limits = Limits(dt, 1e30, np.ones(2), box)
+                advance_own_clocks(STEPPERS["accurate"], state, SPRING, rates, limits, until, 1)
             found.append(state.place[0, 0, 0] - sprung(damping, end, 0.3))
         errors.append(np.abs(found).max())
     assert errors[1] < 1e-3

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel
+from ellipsoid_coupling.compiled.parallel_arguments import pack, unpack
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, angular_rate
 from ellipsoid_coupling.finite_volume.fluxes import Force
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
@@ -84,12 +85,14 @@ def turn_implicitly(
     by Newton's iteration. Nothing is done where nothing turns.
     """
     if fields.shape[0] == 5:
+        packed = pack(terms)
         for j in numba.prange(drift.shape[1]):
+            here = unpack(packed)
             for i in range(drift.shape[2]):
                 rho = fields[RHO, j + GHOSTS, i + GHOSTS]
                 if rho > 0.0:
                     old = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
-                    new = _implicit_angle(old, drift[2, j, i], terms, (j, i), sigma * dt)
+                    new = _implicit_angle(old, drift[2, j, i], here, (j, i), sigma * dt)
                     fields[ANGLE, j + GHOSTS, i + GHOSTS] = rho * new
 
 
@@ -99,11 +102,11 @@ def _implicit_angle(
 ) -> float:
     """The angle phi = old + factor F_bar(phi), where factor = dt sigma_2."""
     j, i = cell
-    old_rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, old)
+    old_rate, _ = angular_rate(terms.turning, terms.angular, j, i, old)
     steady = old + factor * (drift - old_rate)
     new = old + factor * drift
     for _ in range(_NEWTON_STEPS):
-        rate, slope = angular_rate(terms.turning, terms.amplitude, j, i, new)
+        rate, slope = angular_rate(terms.turning, terms.angular, j, i, new)
         new -= (new - steady - factor * rate) / (1.0 - factor * slope)
     return new
 

@@ -26,6 +26,7 @@ from ellipsoid_coupling.compiled.algebra import (
 )
 from ellipsoid_coupling.compiled.jit import apart_kernel, inline_kernel, one_by_one, parallel_kernel
 from ellipsoid_coupling.compiled.loops import block_size, prefetch_block, round_up_to_vectors
+from ellipsoid_coupling.compiled.parallel_arguments import pack, unpack
 from ellipsoid_coupling.compiled.rows import (
     Rows,
     load,
@@ -39,12 +40,12 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     NoForces,
     drive_at,
     driven,
-    outer_torque,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import FULL_TURN, QOMEGA, QVX, Extents, Q
 from ellipsoid_coupling.finite_volume.sources import Kick, exact_kick, kicked
 from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.physics.angular import outer_torque
 from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.stepping.step_control import CFL, ROTATION
 
@@ -55,7 +56,7 @@ Floats = NDArray[np.float64]
 def _held_angle(terms: CellTerms, a: int, angles: int) -> tuple[tuple[float, float], float]:
     """Cos 2 theta and sin 2 theta of angle a, and -dV2/dtheta."""
     angle = FULL_TURN * a / angles
-    return cos_sin(2.0 * angle), outer_torque(terms.amplitude, angle)
+    return cos_sin(2.0 * angle), outer_torque(terms.angular, angle)
 
 
 @apart_kernel
@@ -73,11 +74,12 @@ def _accelerations(
     terms: CellTerms, forces: Any, distinct: int, parts: tuple[int, ...], out: Floats
 ) -> None:
     na, ny, nx = out.shape[1:]
+    packed = pack(terms)
     for task in numba.prange(na * ny):
-        a, j = task // ny, task % ny
-        drive = drive_at(terms, forces, (j, ny, 0), a % distinct * ny + j)
+        a, j, here = task // ny, task % ny, unpack(packed)
+        drive = drive_at(here, forces, (j, ny, 0), a % distinct * ny + j)
         rows = rows_at(out, axpy(parts, na * ny, task), 0)
-        _accelerate_row(drive, _held_angle(terms, a, na), nx, rows)
+        _accelerate_row(drive, _held_angle(here, a, na), nx, rows)
 
 
 def accelerations(terms: CellTerms, forces: AngleForces | None, out: Floats) -> None:
@@ -220,7 +222,9 @@ def _relax(
     """
     angles, rows = extents.shape[:2]
     lines, tasks = angles * rows, fastest.shape[0]
+    packed = pack(terms)
     for task in numba.prange(tasks):
+        here = unpack(packed)
         rates = _Rates(decays, gains, damping, ahead)
         found = np.zeros((len(decays), fields.shape[3]))
         peaks = rows_at(found, parts[:-1], 0)
@@ -232,11 +236,11 @@ def _relax(
                 row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
                 held: tuple[int, ...] = axpy(parts, fields.shape[1] * fields.shape[2], row)
                 following = add(held, 1)
-                held_angle = _held_angle(terms, a, angles)
+                held_angle = _held_angle(here, a, angles)
                 piece = block_size(len(parts))
                 for start in range(first, first + width, piece):
                     prefetch_block(rows_at(fields, following, start + GHOSTS), piece)
-                    drive = drive_at(terms, forces, (j, rows, start), a % distinct * rows + j)
+                    drive = drive_at(here, forces, (j, rows, start), a % distinct * rows + j)
                     cells = rows_at(fields, held, start + GHOSTS)
                     left = min(piece, first + width - start)
                     # One loop for both: to compile it twice would take longer than most runs.

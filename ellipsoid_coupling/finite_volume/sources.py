@@ -34,6 +34,7 @@ from ellipsoid_coupling.compiled.jit import (
     parallel_kernel,
 )
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
+from ellipsoid_coupling.compiled.parallel_arguments import pack, unpack
 from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
@@ -42,11 +43,12 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     angular_rate,
     drive_at,
     driven,
-    outer_torque,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.physics.angular import outer_torque
 from ellipsoid_coupling.physics.elementary import cos_sin
+from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
 
@@ -70,22 +72,22 @@ class Extremes(NamedTuple):
 
 
 @inline_kernel
-def _drift_of(cell: Values, drive: Drive, amplitude: float | None, i: int) -> Values:
+def _drift_of(cell: Values, drive: Drive, angular: Record | None, i: int) -> Values:
     """F_x, F_y and, where it turns, F_bar of cell i of a run, which holds `cell`; 0 in vacuum."""
     # Vacuum has no angle; what comes out for it is not used.
     angle = total(div(cell[ANGLE:SPIN], cell[RHO]))
-    double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
+    double, outer = cos_sin(2.0 * angle), outer_torque(angular, angle)
     rates = driven(drive, i, double, outer, cell[SPIN:])
     return select(cell[RHO] <= 0.0, fill(0.0, rates), rates)
 
 
 @apart_kernel
 def _set_drift_row(
-    cells: Rows, drive: Drive, amplitude: float | None, width: int, drift: Rows
+    cells: Rows, drive: Drive, angular: Record | None, width: int, drift: Rows
 ) -> None:
     for i in range(round_up_to_vectors(width)):
         if i < width:
-            store(drift, i, _drift_of(load(cells, i), drive, amplitude, i))
+            store(drift, i, _drift_of(load(cells, i), drive, angular, i))
 
 
 @parallel_kernel
@@ -98,10 +100,12 @@ def _set_drift(
     drift: Floats,
 ) -> None:
     rows, columns = drift.shape[1:]
+    packed = pack(terms)
     for j in numba.prange(rows):
+        here = unpack(packed)
         cells = _cells(fields, components, j)
-        drive = drive_at(terms, forces, (j, rows, 0), j)
-        _set_drift_row(cells, drive, terms.amplitude, columns, _drifts(drift, rates, j))
+        drive = drive_at(here, forces, (j, rows, 0), j)
+        _set_drift_row(cells, drive, here.angular, columns, _drifts(drift, rates, j))
 
 
 @inline_kernel
@@ -231,7 +235,7 @@ def _sizes(density: float, carried: Values, drift: Values) -> Values:
 def _kick_anew_row(
     cells: Rows,
     drive: Drive,
-    amplitude: float | None,
+    angular: Record | None,
     change: Kick,
     width: int,
     drift: Rows,
@@ -241,7 +245,7 @@ def _kick_anew_row(
     for i in range(round_up_to_vectors(width)):
         if i < width:
             cell = load(cells, i)
-            here = _drift_of(cell, drive, amplitude, i)
+            here = _drift_of(cell, drive, angular, i)
             store(drift, i, here)
             new = _kicked_cell(cell, here, change)
             store(momenta + spins, i, new)
@@ -271,13 +275,15 @@ def _kick_anew(
 ) -> None:
     rows, columns = drift.shape[1:]
     tasks = largest.shape[0]
+    packed = pack(terms)
     for task in numba.prange(tasks):
+        here = unpack(packed)
         found = np.zeros((len(components) - 1, columns))
         peaks = rows_at(found, components[:-1], 0)
         for j in range(task * rows // tasks, (task + 1) * rows // tasks):
             cells, drifts = _cells(fields, components, j), _drifts(drift, rates, j)
-            drive = drive_at(terms, forces, (j, rows, 0), j)
-            _kick_anew_row(cells, drive, terms.amplitude, change, columns, drifts, peaks)
+            drive = drive_at(here, forces, (j, rows, 0), j)
+            _kick_anew_row(cells, drive, here.angular, change, columns, drifts, peaks)
         for k in range(found.shape[0]):
             largest[task, k] = found[k].max()
 
@@ -329,7 +335,9 @@ def step_implicitly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) 
     The torque of the interaction is that of the old angle, fluid and V2 are taken at the new one by
     Newton's iteration.
     """
+    packed = pack(terms)
     for j in numba.prange(drift.shape[1]):
+        here = unpack(packed)
         for i in range(drift.shape[2]):
             rho = fields[RHO, j + GHOSTS, i + GHOSTS]
             if rho <= 0.0:
@@ -337,11 +345,11 @@ def step_implicitly(fields: Floats, drift: Floats, terms: CellTerms, dt: float) 
             for d in range(2):
                 k = MOMENTUM_X + d
                 pushed = fields[k, j + GHOSTS, i + GHOSTS] + dt * rho * drift[d, j, i]
-                fields[k, j + GHOSTS, i + GHOSTS] = pushed / (1.0 + dt * terms.damping)
+                fields[k, j + GHOSTS, i + GHOSTS] = pushed / (1.0 + dt * here.damping)
             if fields.shape[0] == 5:
                 angle = fields[ANGLE, j + GHOSTS, i + GHOSTS] / rho
                 spin = fields[SPIN, j + GHOSTS, i + GHOSTS] / rho
-                new = _implicit_spin(angle, spin, drift[2, j, i], terms, (j, i), dt)
+                new = _implicit_spin(angle, spin, drift[2, j, i], here, (j, i), dt)
                 fields[SPIN, j + GHOSTS, i + GHOSTS] = rho * new
                 fields[ANGLE, j + GHOSTS, i + GHOSTS] += dt * rho * new
 
@@ -352,11 +360,11 @@ def _implicit_spin(
 ) -> float:
     """omega1 of one cell."""
     j, i = cell
-    old_rate, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
+    old_rate, _ = angular_rate(terms.turning, terms.angular, j, i, angle)
     inertia = 1.0 + dt * terms.angular_damping
     new = (spin + dt * drift) / inertia
     for _ in range(_NEWTON_STEPS):
-        rate, slope = angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
+        rate, slope = angular_rate(terms.turning, terms.angular, j, i, angle + dt * new)
         miss = inertia * new - spin - dt * (drift - old_rate + rate)
         new -= miss / (inertia - dt * dt * slope)
     return new

@@ -95,6 +95,7 @@ def _interact(
     interaction: SampleInteraction | SamplePairs,
     weights: tuple[float, float],
     frozen: Flags | None,
+    _t: float,
     place: Floats,
     force: Floats,
 ) -> int:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.finite_volume.cell_acceleration import largest_outer_torque
 from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
@@ -211,7 +212,7 @@ class QEquation:
     def _largest_forces(self) -> tuple[float, float]:
         terms, forces = self.system.terms, self.stepper.forces
         steady, turning = largest_magnitude(terms.steady), 3.0 * largest_magnitude(terms.turning)
-        turning += terms.amplitude or 0.0
+        turning += largest_outer_torque(terms.angular, self.grid.angle)
         if forces is None:
             return steady, turning
         pull = max(largest_magnitude(forces.x), largest_magnitude(forces.y))

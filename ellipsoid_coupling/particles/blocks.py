@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.compiled.jit import for_each, kernel, one_by_one
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces, still_frozen
 from ellipsoid_coupling.interaction.pairs.cells import Sources
 from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces, still_frozen
 from ellipsoid_coupling.particles.frozen import frozen_row
 from ellipsoid_coupling.particles.state import (
     ParticleState,
@@ -26,7 +26,7 @@ from ellipsoid_coupling.particles.state import (
     note_forces,
 )
 from ellipsoid_coupling.stepping.status import NOT_FINITE
-from ellipsoid_coupling.stepping.step_control import STATUS
+from ellipsoid_coupling.stepping.step_control import STATUS, TIME
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -52,28 +52,30 @@ class Forces(NamedTuple):
     Attributes
     ----------
     alone : Alone or None
-    together : (place, force) -> int, or None
+    together : (t, place, force) -> None, or None
         Adds what they do to each other to the drift (K, D, B) at `place`; overwrites it where `alone`
-        is None, and leaves frozen samples out. Returns how many samples it finds outside the flow.
+        is None, and leaves frozen samples out.
         None without interaction.
     room : KeptArrays
         Memory for a step's work arrays, kept from call to call.
     """
 
     alone: Alone | None
-    together: Callable[[Floats, Floats], int] | None
+    together: Callable[[float, Floats, Floats], object] | None
     room: KeptArrays
 
 
 @kernel
-def set_alone(alone: Alone | None, place: Floats, force: Floats, frozen: Flags | None) -> int:
-    """Overwrite the drift (D, B) of one block; returns how many samples lie outside the flow."""
+def set_alone(
+    alone: Alone | None, t: float, place: Floats, force: Floats, frozen: Flags | None
+) -> int:
+    """Overwrite the drift (D, B) of one block at time t; returns 0."""
     if alone is None:
         return 0
-    outside = particle_forces(alone.drift, place, force)
+    particle_forces(alone.drift, t, place, force)
     _add_walls(alone.pairs, place, force)
     still_frozen(frozen, force)
-    return outside
+    return 0
 
 
 @kernel
@@ -91,19 +93,23 @@ def _add_ghosts(ghosts: Sources | None, pairs: Pairs, place: Floats, force: Floa
 @kernel
 def _set_block(k: int, alone: Alone | None, state: ParticleState, outside: Indices) -> None:
     frozen = frozen_row(state.frozen, k)
-    outside[k] = set_alone(alone, state.place[k], state.force[k], frozen)
+    t = state.clock[0, TIME]
+    outside[k] = set_alone(alone, t, state.place[k], state.force[k], frozen)
 
 
 def set_forces(forces: Forces, state: ParticleState) -> int:
     """Set the drift of all samples at their places; returns how many lie outside the flow."""
     outside = np.zeros(len(state.place), np.int64)
     for_each(len(outside), lambda k: _set_block(k, forces.alone, state, outside))
-    return int(outside.sum()) + add_together(forces, state.place, state.force)
+    t = float(state.clock[0, TIME])
+    return int(outside.sum()) + add_together(forces, t, state.place, state.force)
 
 
-def add_together(forces: Forces, place: Floats, force: Floats) -> int:
-    """Add what samples (K, D, B) do to each other; returns how many lie outside the flow."""
-    return 0 if forces.together is None else forces.together(place, force)
+def add_together(forces: Forces, t: float, place: Floats, force: Floats) -> int:
+    """Add what samples (K, D, B) do to each other at time t; returns 0."""
+    if forces.together is not None:
+        forces.together(t, place, force)
+    return 0
 
 
 def over_blocks(

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import for_each, kernel
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.particles.collisions import Cloud, collision_step
 from ellipsoid_coupling.particles.frozen import frozen_block, frozen_row
 from ellipsoid_coupling.particles.local_error import largest_error, squared_errors
@@ -52,7 +52,6 @@ from ellipsoid_coupling.stepping.status import NOT_FINITE, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
     COLLISION,
     NEXT_STEP,
-    OUTSIDE,
     STATUS,
     STEPS,
     TIME,
@@ -84,7 +83,7 @@ def _try_step(
     """Predict and evaluate; returns the error estimate over the tolerance, and its kind."""
     predict_step(state, k, noise, rates, limits, trial, dt)
     frozen = frozen_row(state.frozen, k)
-    state.clock[k, OUTSIDE] = particle_forces(drift, trial.place, trial.force, frozen)
+    particle_forces(drift, state.clock[k, TIME] + dt, trial.place, trial.force, frozen)
     squares = np.empty((2, state.place.shape[1]))
     squared_errors(state, k, rates, limits, trial, dt, squares)
     return largest_error(squares, limits.tolerance)
@@ -162,7 +161,7 @@ def _advance_one(
     trial = Trial(np.empty(state.place[k].shape), np.empty(state.place[k].shape))
     if clock[STEPS] == 0.0 and clock[TIME] < until:
         frozen = frozen_row(state.frozen, k)
-        clock[OUTSIDE] = particle_forces(drift, state.place[k], state.force[k], frozen)
+        particle_forces(drift, clock[TIME], state.place[k], state.force[k], frozen)
         note_forces(clock, *largest_forces(state.force[k]))
         _choose_first_step(state.noise, state, k, drift, rates, limits, trial, until)
     for step in range(steps):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import for_each, kernel
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import (
     Limits,
@@ -30,7 +30,6 @@ from ellipsoid_coupling.particles.state import (
 from ellipsoid_coupling.stepping.status import NOT_FINITE, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
     GIVEN,
-    OUTSIDE,
     STATUS,
     TIME,
     accept,
@@ -83,9 +82,8 @@ def _step(
     state: ParticleState, k: int, step: int, drift: Drift, rates: Rates, limits: Limits, dt: float
 ) -> None:
     clock = state.clock[k]
-    clock[OUTSIDE] = particle_forces(
-        drift, state.place[k], state.force[k], frozen_row(state.frozen, k)
-    )
+    frozen = frozen_row(state.frozen, k)
+    particle_forces(drift, clock[TIME], state.place[k], state.force[k], frozen)
     note_forces(clock, *largest_forces(state.force[k]))
     move(state, k, step, rates, limits, dt)
     if not all_finite(state.place[k]):

@@ -117,7 +117,8 @@ def _leap(
     outside, ended = found
     if sets:
         frozen = frozen_row(state.frozen, k)
-        outside[k] = set_alone(alone, state.place[k], state.force[k], frozen)
+        t = state.clock[0, TIME]
+        outside[k] = set_alone(alone, t, state.place[k], state.force[k], frozen)
     if moves:
         leapfrog.move(state, k, step, rates, limits, dt)
         note_block(ended, state, k)
@@ -154,7 +155,7 @@ def advance_leapfrog(
             if moves or forces.alone is not None:
                 over_blocks(_leap, _leap_blocks, state.place, (*here, (sets, moves)))
             if not moves:
-                together = add_together(forces, state.place, state.force)
+                together = add_together(forces, clock[TIME], state.place, state.force)
         clock[OUTSIDE] = found[0].sum() + together
         accept(clock, until, dt, limits.step, GIVEN)
         note_all(clock, found[1])
@@ -237,7 +238,8 @@ def _step(
         noise = noise_rows(state.noise, k, step + 1)
         predict_step(state, k, noise, rates, limits, here, next_dt)
         frozen = frozen_row(state.frozen, k)
-        found.outside[k] = set_alone(found.alone, here.place, here.force, frozen)
+        t = state.clock[0, TIME] + next_dt
+        found.outside[k] = set_alone(found.alone, t, here.place, here.force, frozen)
         _measure_one(found.squares, state, k, rates, limits, here, next_dt)
 
 
@@ -291,7 +293,8 @@ class _Exponential:
     def examine(self, dt: float) -> tuple[float, int]:
         """The drift at what is predicted; the error estimate over the tolerance, and its kind."""
         state, trial = self.state, self.trial
-        outside = add_together(self.forces, trial.place, trial.force)
+        t = float(state.clock[0, TIME]) + dt
+        outside = add_together(self.forces, t, trial.place, trial.force)
         if self.forces.together is not None:
             here = state, self.rates, self.limits, trial, dt, self.squares
             over_blocks(_measure, _measure_blocks, state.place, here)

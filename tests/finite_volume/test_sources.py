@@ -19,6 +19,7 @@ from ellipsoid_coupling.finite_volume.sources import (
     turn,
 )
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.physics.angular import Sine
 from tests.finite_volume.whole import kick as kick_by_numpy
 
 Floats = NDArray[np.float64]
@@ -38,7 +39,7 @@ def cells(components: int) -> tuple[Floats, CellTerms, Forces]:
     terms = CellTerms(
         steady=rng.standard_normal((2, *grid)),
         turning=rng.standard_normal((3, *grid)) if turns else None,
-        amplitude=0.3 if turns else None,
+        angular=Sine(0.3) if turns else None,
         damping=0.7,
         angular_damping=0.0,
         inverse_mass=1.5,
@@ -50,7 +51,7 @@ def cells(components: int) -> tuple[Floats, CellTerms, Forces]:
 
 @pytest.mark.parametrize("components", [3, 5])
 @pytest.mark.parametrize("interacting", [False, True])
-@pytest.mark.parametrize("left_out", ["nothing", "steady", "turning", "amplitude"])
+@pytest.mark.parametrize("left_out", ["nothing", "steady", "turning", "angular"])
 def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: str) -> None:
     """By numpy, to rounding: F/m and F_bar of cells with mass, whatever the scene leaves out."""
     fields, terms, push = cells(components)
@@ -58,7 +59,7 @@ def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: 
         "nothing": terms,
         "steady": terms._replace(steady=None),
         "turning": terms._replace(turning=None),
-        "amplitude": terms._replace(amplitude=None),
+        "angular": terms._replace(angular=None),
     }[left_out]
     drift = np.full((components // 2 + 1, ROWS, COLUMNS), np.nan)
     set_drift(fields, terms, push if interacting else None, drift)
@@ -74,8 +75,8 @@ def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: 
         if terms.turning is not None:
             even, sine, cosine = terms.turning
             expected[2] += even + sine * np.sin(2.0 * angle) + cosine * np.cos(2.0 * angle)
-        if terms.amplitude is not None:
-            expected[2] -= terms.amplitude * np.cos(angle)
+        if isinstance(terms.angular, Sine):
+            expected[2] -= terms.angular.amplitude * np.cos(angle)
         if interacting and push.torque is not None:
             expected[2] += terms.inverse_inertia * push.torque
     np.testing.assert_allclose(drift, expected * held, rtol=1e-13, atol=1e-13)

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from ellipsoid_coupling.interaction.drift import Drift
+from ellipsoid_coupling.interaction.particle_forces import Drift
 from ellipsoid_coupling.particles import exponential
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.physics.drift import External
+from ellipsoid_coupling.physics.outer import Harmonic
 from ellipsoid_coupling.stepping.step_control import GIVEN, TIME, new_clock
 
-SPRING = Drift(None, 0.0, None, 0.0, None, 1.0, None)
+SPRING = Drift(External(outer=Harmonic(1.0)))
 
 
 def ball(height: float, t: float) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
 from ellipsoid_coupling.files.signals import Interruption, noticed
 from ellipsoid_coupling.files.writing import Arrays
-from ellipsoid_coupling.flow import FlowField, Wanted, analytic_flow, obtain_flow
+from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_flow
 from ellipsoid_coupling.models import (
     Model,
     SchemeName,
@@ -65,7 +65,7 @@ def scene_flow(
         given = Wanted(Path(given))
     path, allow_misfit = given or Wanted()
     if path is None and scene.flow.source == "closed_form":
-        return analytic_flow(scene.flow.field)
+        return closed_form_flow(scene.flow, scene.domain)
     named = scene.flow.field, scene.flow.cells, path
     return obtain_flow(*named, report=report, allow_misfit=allow_misfit)
 

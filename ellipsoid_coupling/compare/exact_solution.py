@@ -14,7 +14,7 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models import Arrays, Setup
 from ellipsoid_coupling.models.flow_fit import require_fitting, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_rates
@@ -42,6 +42,7 @@ def has_exact_reference(scene: Scene) -> bool:
 @kernel
 def _slope(
     drift: Drift,
+    t: float,
     damping: Floats,
     place: Floats,
     velocity: Floats,
@@ -49,7 +50,7 @@ def _slope(
     frozen: Flags | None,
 ) -> None:
     """Slope = F(place) - Gamma velocity, (D, N)."""
-    particle_forces(drift, place, slope, frozen)
+    particle_forces(drift, t, place, slope, frozen)
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
             slope[d, i] -= damping[d] * velocity[d, i]
@@ -58,13 +59,14 @@ def _slope(
 @kernel
 def _runge_kutta(
     drift: Drift,
+    t: float,
     damping: Floats,
     place: Floats,
     velocity: Floats,
     dt: float,
     frozen: Flags | None,
 ) -> None:
-    """A classical fourth-order step of r' = v, v' = F - Gamma v, in place."""
+    """A classical fourth-order step of r' = v, v' = F - Gamma v from time t on, in place."""
     slopes = np.empty((4, *place.shape))
     speeds = np.empty((4, *place.shape))
     for stage in range(4):
@@ -74,7 +76,7 @@ def _runge_kutta(
         if stage > 0:
             trial += part * speeds[stage - 1]
             speeds[stage] += part * slopes[stage - 1]
-        _slope(drift, damping, trial, speeds[stage], slopes[stage], frozen)
+        _slope(drift, t + part, damping, trial, speeds[stage], slopes[stage], frozen)
     place += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
     velocity += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
 
@@ -86,25 +88,30 @@ def _push(
     limits: Limits,
     state: ParticleState,
     k: int,
-    dt: float,
+    times: tuple[float, float],
     steps: int,
 ) -> None:
+    """Steps of length times[1] from time times[0] on, of the points of task k."""
+    t, dt = times
     place, velocity, frozen = state.place[k], state.velocity[k], frozen_row(state.frozen, k)
-    for _ in range(steps):
+    for step in range(steps):
         before = places_before(limits.mesh, place)
-        _runge_kutta(drift, damping, place, velocity, dt, frozen)
+        _runge_kutta(drift, t + step * dt, damping, place, velocity, dt, frozen)
         bounce(limits.box, place, velocity)
         freeze(state, k, limits, before)
 
 
 def _push_all(
-    terms: tuple[Drift, Floats, Limits], state: ParticleState, dt: float, steps: int
+    terms: tuple[Drift, Floats, Limits],
+    state: ParticleState,
+    times: tuple[float, float],
+    steps: int,
 ) -> None:
-    """All tasks' points by `steps` steps; terms = (drift, damping, limits)."""
+    """All tasks' points by `steps` steps; terms = (drift, damping, limits), times as in `_push`."""
     drift, damping, limits = terms
 
     def push(k: int) -> None:
-        _push(drift, damping, limits, state, k, dt, steps)
+        _push(drift, damping, limits, state, k, times, steps)
 
     for_each(state.place.shape[0], push)
 
@@ -159,8 +166,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     before = 0.0
     for until in scene.times:
         steps = int(np.ceil((until - before) / longest))
-        dt = (until - before) / steps
-        _push_all(terms, state, dt, steps)
+        _push_all(terms, state, (before, (until - before) / steps), steps)
         snapshots.append(particle_snapshot(state, scene))
         before = until
     return _as_result(scene, snapshots)

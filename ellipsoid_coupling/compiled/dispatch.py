@@ -16,6 +16,7 @@ A kind of flux, potential, boundary or closure is a NamedTuple (its parameters) 
     register_formula(outer_force, Harmonic, _harmonic_force)
 
 A kernel calls ``outer_force(potential, x, y)`` and is compiled with the formula of that type inlined.
+A formula for `type(None)` is what an absent part does.
 What is registered from outside of the package is compiled anew in every session: numba's cache would not
 notice that its file has changed.
 """
@@ -27,6 +28,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from numba.core import types
 from numba.extending import overload
 
 from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, leave_uncached
@@ -35,6 +37,14 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: Any = KERNEL_OPTIONS
 _PACKAGE = __name__.partition(".")[0]
+_ABSENT = type(None)
+
+
+def _kind_of(numba_type: Any) -> Any:
+    """The Python type that a kernel's argument has: a NamedTuple, or that of None; else None."""
+    if isinstance(numba_type, types.NoneType):
+        return _ABSENT
+    return getattr(numba_type, "instance_class", None)
 
 
 def chosen_by_type(declared: Function) -> Function:
@@ -48,7 +58,7 @@ def chosen_by_type(declared: Function) -> Function:
     def call(first: Any, *others: Any) -> Any:
         formula = formulas.get(type(first))
         if formula is None:
-            known = ", ".join(kind.__name__ for kind in formulas) or "none"
+            known = ", ".join(kind.__name__ for kind in formulas if kind is not _ABSENT) or "none"
             raise TypeError(
                 f"{declared.__name__} is not known for {type(first).__name__}, but for {known}"
             )
@@ -65,7 +75,7 @@ def register_formula(
 
     Parameters
     ----------
-    kind : a NamedTuple
+    kind : a NamedTuple, or type(None)
     formula : an inline kernel, or a Python function that numba can compile
 
     Raises
@@ -83,7 +93,7 @@ def register_formula(
 
     def choose(first: Any, *others: Any) -> Any:
         del others
-        return source if getattr(first, "instance_class", None) is kind else None
+        return source if _kind_of(first) is kind else None
 
     # Numba looks at the names of the arguments.
     vars(choose)["__signature__"] = inspect.signature(source)

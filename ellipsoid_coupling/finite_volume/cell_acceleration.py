@@ -1,10 +1,10 @@
-"""What drives a cell: fluid, outer potentials, interaction and walls.
+"""The drift of `eq:micro` in cells: `physics.drift` at their centres, interaction and walls.
 
     F     = gamma u - grad V1 + force/m
     F_bar = gamma_bar g - dV2/dtheta + torque/I_c,    g = a + b sin 2 theta + c cos 2 theta
 
-Each part is a row of no numbers where the scene does not have it, so that a loop over cells does not
-have it either.
+What does not depend on the angle is tabulated once (`cell_tables`). A missing term is an empty tuple of
+rows; the compiler removes it from the loop.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.algebra import (
     Values,
-    add,
-    axpy,
     fill,
     scale,
     total,
 )
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
-from ellipsoid_coupling.compiled.rows import Rows, load, rows_at
+from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at
+from ellipsoid_coupling.physics.angular import outer_torque, outer_torque_slope
+from ellipsoid_coupling.physics.drift import External, Fluid, external_terms
 from ellipsoid_coupling.physics.elementary import cos_sin
-from ellipsoid_coupling.physics.external import sine_torque
+from ellipsoid_coupling.physics.jeffery import jeffery_rate, jeffery_slope
+from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
 
@@ -39,8 +40,8 @@ class CellTerms(NamedTuple):
         gamma u - grad V1.
     turning : (3, ny, nx) or None
         gamma_bar times the three coefficients of Jeffery's term g = a + b sin 2 phi + c cos 2 phi.
-    amplitude : float or None
-        Of V2.
+    angular : record or None
+        V2, see `physics.angular`.
     damping, angular_damping : float
         gamma + A^2/2, gamma_bar + B^2/2.
     inverse_mass, inverse_inertia : float
@@ -48,7 +49,7 @@ class CellTerms(NamedTuple):
 
     steady: Floats | None
     turning: Floats | None
-    amplitude: float | None
+    angular: Record | None
     damping: float
     angular_damping: float
     inverse_mass: float
@@ -64,19 +65,59 @@ class NoForces(NamedTuple):
 
 
 @kernel
+def _set_tables(
+    fluid: Fluid | None,
+    outer: Record | None,
+    t: float,
+    x: Floats,
+    y: Floats,
+    steady: Floats,
+    turning: Floats,
+) -> None:
+    for j in range(y.size):
+        for i in range(x.size):
+            force_x, force_y, coefficients = external_terms(fluid, outer, t, x[i], y[j])
+            steady[0, j, i], steady[1, j, i] = force_x, force_y
+            for k in range(3):
+                turning[k, j, i] = coefficients[k]
+
+
+def cell_tables(external: External, t: float, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """The drift at the centres x (nx,) and y (ny,) of cells at time t, whatever their angle.
+
+    Returns
+    -------
+    steady : (2, ny, nx) float64
+        gamma u - grad V1.
+    turning : (3, ny, nx)
+        gamma_bar (a, b, c) of Jeffery's term.
+    """
+    steady, turning = np.empty((2, y.size, x.size)), np.empty((3, y.size, x.size))
+    _set_tables(external.fluid, external.outer, t, x, y, steady, turning)
+    return steady, turning
+
+
+@kernel
 def angular_rate(
-    turning: Floats | None, amplitude: float | None, j: int, i: int, angle: float
+    turning: Floats | None, angular: Record | None, j: int, i: int, angle: float
 ) -> tuple[float, float]:
     """gamma_bar g - dV2/dtheta and its derivative with respect to the angle."""
-    rate, slope = 0.0, 0.0
+    rate, slope = outer_torque(angular, angle), outer_torque_slope(angular, angle)
     if turning is not None:
         c2, s2 = cos_sin(2.0 * angle)
-        rate += turning[0, j, i] + turning[1, j, i] * s2 + turning[2, j, i] * c2
-        slope += 2.0 * (turning[1, j, i] * c2 - turning[2, j, i] * s2)
-    if amplitude is not None:
-        rate += sine_torque(angle, amplitude)
-        slope += amplitude * cos_sin(angle)[1]
+        a, b, c = turning[0, j, i], turning[1, j, i], turning[2, j, i]
+        rate += jeffery_rate(c2, s2, a, b, c)
+        slope += jeffery_slope(c2, s2, b, c)
     return rate, slope
+
+
+@kernel
+def largest_outer_torque(angular: Record | None, angles: Floats) -> float:
+    """The largest |dV2/dtheta| at some angles (n,); 0 without V2."""
+    largest = 0.0
+    for angle in angles:
+        largest = max(largest, abs(outer_torque(angular, angle)))
+    return largest
 
 
 class Drive(NamedTuple):
@@ -112,12 +153,6 @@ def drive_at(terms: CellTerms, forces: Any, place: tuple[int, int, int], force_r
     )
 
 
-@kernel
-def outer_torque(amplitude: float | None, angle: float) -> float:
-    """-dV2/dtheta; 0 without V2."""
-    return 0.0 if amplitude is None else sine_torque(angle, amplitude)
-
-
 @inline_kernel
 def driven(
     drive: Drive, i: int, double: tuple[float, float], outer: float, spins: Values
@@ -130,6 +165,5 @@ def driven(
     y = total(load(drive.steady[1], i) + scale(drive.inverse_mass, load(drive.force[1], i)))
     a, b, c = load(drive.turning[0], i), load(drive.turning[1], i), load(drive.turning[2], i)
     torque = scale(drive.inverse_inertia, load(drive.torque, i))
-    c2, s2 = double
-    turn = total(add(axpy(b, s2, a), scale(c2, c)) + torque) + outer
+    turn = total(map_fields(jeffery_rate, double, (a, b, c)) + torque) + outer
     return (x, y, *fill(turn, spins))

@@ -54,13 +54,14 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     angular_rate,
     drive_at,
     driven,
-    outer_torque,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, ExtremesLimit, reached
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.physics.angular import outer_torque
 from ellipsoid_coupling.physics.elementary import cos_sin
+from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
 Extents = NDArray[np.int64]
@@ -196,7 +197,7 @@ def _evaluate(
     angles: Rows,
     plane_angle: float,
     drive: Drive,
-    amplitude: float | None,
+    angular: Record | None,
     vacuum: float,
     drift: Rows,
 ) -> None:
@@ -204,7 +205,7 @@ def _evaluate(
     cell = load(cells, i)
     # Vacuum has no angle; what comes out for it is not used.
     angle = plane_angle + total(div(load(angles, i), cell[0]))
-    double, outer = cos_sin(2.0 * angle), outer_torque(amplitude, angle)
+    double, outer = cos_sin(2.0 * angle), outer_torque(angular, angle)
     rates = driven(drive, i, double, outer, cell[3:])
     store(drift, i, select(cell[0] <= vacuum, fill(0.0, rates), rates))
 
@@ -239,11 +240,11 @@ def _evaluate_row(
     angles: Rows,
     plane_angle: float,
     drive: Drive,
-    amplitude: float | None,
+    angular: Record | None,
     vacuum: float,
     drift: Rows,
 ) -> None:
-    over_row(width, _evaluate, (cells, angles, plane_angle, drive, amplitude, vacuum, drift))
+    over_row(width, _evaluate, (cells, angles, plane_angle, drive, angular, vacuum, drift))
 
 
 @apart_kernel
@@ -290,8 +291,8 @@ def _treat_block(
         drift = rows_at(cells.drift, axpy(cells.rates, planes * rows, a * rows + j), start)
     if force is not None:
         drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
-        amplitude, plane_angle = force.terms.amplitude, FULL_TURN * a / planes
-        _evaluate_row(width, moving, angles, plane_angle, drive, amplitude, force.vacuum, drift)
+        angular, plane_angle = force.terms.angular, FULL_TURN * a / planes
+        _evaluate_row(width, moving, angles, plane_angle, drive, angular, force.vacuum, drift)
     if work.kicks:
         _kick_row(width, moving, drift, work.change)
     if work.time != 0.0:
@@ -394,9 +395,9 @@ def _implicit_spin(
     """Omega1 of one cell, for the step (gain, dt)."""
     j, i = cell
     gain, dt = step
-    old, _ = angular_rate(terms.turning, terms.amplitude, j, i, angle)
+    old, _ = angular_rate(terms.turning, terms.angular, j, i, angle)
     new = spin
     for _ in range(_NEWTON_STEPS):
-        rate, slope = angular_rate(terms.turning, terms.amplitude, j, i, angle + dt * new)
+        rate, slope = angular_rate(terms.turning, terms.angular, j, i, angle + dt * new)
         new -= (new - spin - gain * (rate - old)) / (1.0 - gain * dt * slope)
     return new

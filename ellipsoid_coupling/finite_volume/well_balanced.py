@@ -56,6 +56,8 @@ from ellipsoid_coupling.finite_volume.sources import (
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.physics.angular import angular_energy
+from ellipsoid_coupling.scenes.kinds import Record
 from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
@@ -223,24 +225,38 @@ def _no_work(cells: int) -> Floats:
 def _steady_forces(system: CellFields, walls: AngleForces | None, limit: CellwiseLimit) -> Floats:
     """F_x, F_y, F_bar of all cells without interaction, (2 or 3, na, ny, nx).
 
-    Their work is taken by the trapezoidal rule: exact for V1. With the amplitude of V2 raised by
-    tan(k/2)/(k/2) it is exact for V2 as well.
+    Their work is taken by the trapezoidal rule: exact for a quadratic V1, and with `balanced_torque`
+    for V2.
     """
     terms = system.terms
-    half = 0.5 * system.grid.angle_width
-    if terms.amplitude is not None:
-        terms = terms._replace(amplitude=terms.amplitude * math.tan(half) / half)
     steady = np.zeros((len(system.system.velocities), *system.grid.shape))
     cells = system.cells._replace(extents=system.grid.everywhere, drift=steady)
     # Vacuum too has the forces that mass will meet there.
-    force = acceleration(terms, walls, vacuum=-math.inf)
+    force = acceleration(terms._replace(angular=None), walls, vacuum=-math.inf)
     treat(cells, force, _look(terms, steady.shape[0], limits=False), limit)
+    if terms.angular is not None:
+        steady[2] += balanced_torque(terms.angular, system.grid.angle)[:, None, None]
     return steady
 
 
 def _look(terms: CellTerms, velocities: int, limits: bool) -> Work:
     """A pass that changes nothing."""
     return Work(exact_kick(terms, 0.0, velocities), False, 0.0, limits)
+
+
+def balanced_torque(angular: Record, angles: Floats) -> Floats:
+    """-dV2/dtheta (na,) at evenly spaced angles, so that the trapezoidal rule gives V2 itself.
+
+        k/2 (T_a + T_{a+1}) = V2_a - V2_{a+1},    T^_m = -i (2/k) tan(m k/2) V2^_m
+
+    for each harmonic m below the highest, which an even number of angles leaves without a torque.
+    """
+    number = angles.size
+    energy = np.array([angular_energy(angular, float(angle)) for angle in angles])
+    halves = np.pi / number * np.arange(number // 2 + 1)
+    raised = np.tan(halves) * (2 * np.arange(halves.size) < number)
+    torque = np.fft.irfft(-1j * number / np.pi * raised * np.fft.rfft(energy), number)
+    return np.asarray(torque, np.float64)
 
 
 def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:

@@ -3,7 +3,14 @@
 pyvista and meshio are imported when a case is read (`flow.reader`), not by this package.
 """
 
-from ellipsoid_coupling.flow.analytic import LINEAR_FLOWS, LinearFlow, analytic_flow, linear_flow
+from ellipsoid_coupling.flow.analytic import (
+    LINEAR_FLOWS,
+    LinearFlow,
+    analytic_flow,
+    closed_form_flow,
+    linear_flow,
+    register_flow,
+)
 from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
 from ellipsoid_coupling.flow.openfoam.programs import openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
@@ -19,11 +26,13 @@ __all__ = [
     "WallVelocity",
     "Wanted",
     "analytic_flow",
+    "closed_form_flow",
     "find_flow",
     "flow_at",
     "linear_flow",
     "obtain_flow",
     "openfoam_available",
+    "register_flow",
     "sample_flow",
     "solve_case",
 ]

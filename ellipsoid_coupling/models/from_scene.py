@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
+from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.flow import FlowArrays
 from ellipsoid_coupling.interaction import Walls
-from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
+from ellipsoid_coupling.interaction.particle_forces import Drift
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
 from ellipsoid_coupling.particles.state import Rates
+from ellipsoid_coupling.physics.drift import EVERYWHERE, External, Fluid
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 
@@ -66,20 +67,29 @@ def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
     return pairs._replace(ghosts=_ghost_sources(walls, pairs), ghost_factor=walls.strength_factor)
 
 
+def scene_fluid(setup: Setup) -> Fluid | None:
+    """Drag and Jeffery's term of `setup`'s scene; None without a fluid."""
+    part, particles = setup.scene.flow, setup.scene.particles
+    if part is None or setup.flow is None:
+        return None
+    return Fluid(
+        flow=setup.flow.arrays,
+        drag=part.drag,
+        angular_drag=part.angular_drag,
+        shape_factor=potential_shape(particles.length, particles.width).shape_factor,
+        rim=mesh[5:9] if (mesh := scene_mesh(setup)) is not None else EVERYWHERE,
+    )
+
+
+def scene_external(setup: Setup) -> External:
+    """What acts on each particle, or cell, by itself; a term that the scene lacks is None."""
+    scene = setup.scene
+    return External(scene_fluid(setup), scene.outer_potential, scene.angular_potential)
+
+
 def scene_drift(setup: Setup) -> Drift:
     """The drift of `setup`'s scene; a term that it lacks is None."""
-    scene, terms = setup.scene, setup.terms
-    flow_part, outer, angular = scene.flow, scene.outer_potential, scene.angular_potential
-    return Drift(
-        flow=setup.flow.arrays if setup.flow is not None else None,
-        drag=flow_part.drag if flow_part else 0.0,
-        angular_drag=flow_part.angular_drag if flow_part and terms.angle else None,
-        shape_factor=potential_shape(scene.particles.length, scene.particles.width).shape_factor,
-        pairs=scene_pairs(scene, terms.torque),
-        stiffness=outer.stiffness if outer else None,
-        amplitude=angular.amplitude if angular and terms.angle else None,
-        rim=mesh[5:9] if (mesh := scene_mesh(setup)) is not None else None,
-    )
+    return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque))
 
 
 def scene_mesh(setup: Setup) -> FlowArrays | None:
@@ -89,7 +99,10 @@ def scene_mesh(setup: Setup) -> FlowArrays | None:
 
 
 def scene_rates(setup: Setup) -> Rates:
-    """Damping gamma + A^2/2 and noise amplitude of each degree of freedom."""
+    """Damping gamma + A^2/2 and noise amplitude of each degree of freedom.
+
+    This gamma is that of -gamma v alone, which schemes solve exactly; gamma u is in the drift.
+    """
     flow, noise = setup.scene.flow, setup.scene.noise
     a, b = (noise.noise, noise.angular_noise) if noise else (0.0, 0.0)
     drag, angular_drag = (flow.drag, flow.angular_drag) if flow else (0.0, 0.0)
@@ -103,60 +116,47 @@ def scene_rates(setup: Setup) -> Rates:
     )
 
 
-def _steady_force(setup: Setup, grid: Grid) -> Floats | None:
-    """Gamma u - grad V1 in every cell (2, ny, nx), the flow sampled at the cells' centres."""
-    scene, flow = setup.scene, setup.flow
-    if flow is None and scene.outer_potential is None:
-        return None
-    x, y = np.meshgrid(grid.x, grid.y)
-    force = np.zeros((2, *grid.shape))
-    if flow is not None and scene.flow is not None:
-        sample = flow.evaluate(x, y)
-        if not np.all(sample.inside):
-            raise _outside(scene, x[~sample.inside], y[~sample.inside])
-        force += scene.flow.drag * np.array([sample.velocity_x, sample.velocity_y])
-    if scene.outer_potential is not None:
-        force -= scene.outer_potential.stiffness * np.array([x, y])
-    return force
-
-
-def _outside(scene: Scene, x: Floats, y: Floats) -> InputError:
-    return InputError(
-        f"scene {scene.name}, key flow.field",
-        "a flow that covers the whole domain",
-        f"{x.size} cells outside it, the first at ({x[0]:.6g}, {y[0]:.6g})",
-        "Make the domain smaller or give another flow.",
-    )
-
-
-def _jeffery_coefficients(setup: Setup, grid: Grid) -> Floats | None:
-    """gamma_bar (a, b, c) of g = a + b sin 2 theta + c cos 2 theta in every cell, (3, ny, nx)."""
-    scene, flow = setup.scene, setup.flow
-    if flow is None or scene.flow is None or not setup.terms.angle:
-        return None
-    x, y = np.meshgrid(grid.x, grid.y)
-    s = flow.evaluate(x, y)
-    factor = potential_shape(scene.particles.length, scene.particles.width).shape_factor
-    rotation = 0.5 * (s.duy_dx - s.dux_dy)
-    along_sine, along_cosine = -factor * s.dux_dx, 0.5 * factor * (s.dux_dy + s.duy_dx)
-    return np.asarray(scene.flow.angular_drag * np.array([rotation, along_sine, along_cosine]))
-
-
-def scene_cell_terms(setup: Setup, grid: Grid) -> CellTerms:
-    """What drives the cells of an r-grid; a term that the scene lacks is None.
+def scene_cell_terms(setup: Setup, grid: Grid, t: float = 0.0) -> CellTerms:
+    """What drives the cells of an r-grid, as of time t; a term that the scene lacks is None.
 
     Raises
     ------
     InputError
         If a cell lies outside the flow.
     """
-    rates, angular = scene_rates(setup), setup.scene.angular_potential
+    scene, turns = setup.scene, setup.terms.angle
+    external, rates = scene_external(setup), scene_rates(setup)
+    require_cells_inside(setup, grid)
+    steady, turning = cell_tables(external, t, grid.x, grid.y)
+    pushed = external.fluid is not None or external.outer is not None
     return CellTerms(
-        steady=_steady_force(setup, grid),
-        turning=_jeffery_coefficients(setup, grid),
-        amplitude=angular.amplitude if angular and setup.terms.angle else None,
+        steady=steady if pushed else None,
+        turning=turning if external.fluid is not None and turns else None,
+        angular=external.angular,
         damping=float(rates.damping[0]),
-        angular_damping=float(rates.damping[2]) if setup.terms.angle else 0.0,
-        inverse_mass=1.0 / setup.scene.particles.mass,
-        inverse_inertia=1.0 / setup.scene.particles.inertia,
+        angular_damping=float(rates.damping[2]) if turns else 0.0,
+        inverse_mass=1.0 / scene.particles.mass,
+        inverse_inertia=1.0 / scene.particles.inertia,
     )
+
+
+def require_cells_inside(setup: Setup, grid: Grid) -> None:
+    """Refuse a grid with a cell whose centre is not in the fluid.
+
+    Raises
+    ------
+    InputError
+        With the place of the first one.
+    """
+    if setup.flow is None:
+        return
+    x, y = np.meshgrid(grid.x, grid.y)
+    outside = ~setup.flow.evaluate(x, y).inside
+    if outside.any():
+        raise InputError(
+            f"scene {setup.scene.name}, key flow.field",
+            "a flow that covers the whole domain",
+            f"{np.count_nonzero(outside)} cells outside it, the first at "
+            f"({x[outside][0]:.6g}, {y[outside][0]:.6g})",
+            "Make the domain smaller or give another flow.",
+        )

@@ -39,14 +39,6 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 
 
-def _set_forces(
-    cloud: LargeCloud, frozen: Flags | None, t: float, place: Floats, force: Floats
-) -> None:
-    """`forces.BlockInteraction` of one large realisation: the whole drift, by all threads."""
-    del t  # no term depends on it yet
-    cloud.set_forces(place, force, frozen)
-
-
 class Microscopic(ParticleModel):
     """`Model` of the microscopic system."""
 
@@ -77,7 +69,7 @@ class Microscopic(ParticleModel):
         for k in range(len(state.place)):
             one = plain(realisation)(state, k)
             frozen = None if one.frozen is None else one.frozen[0]
-            cloud = Forces(None, partial(_set_forces, self._large, frozen), self._workspace)
+            cloud = Forces(None, partial(self._large.set_forces, frozen=frozen), self._workspace)
             advance_shared_clock(stepper, one, cloud, rates, limits, until, steps)
 
 

@@ -24,6 +24,7 @@ from ellipsoid_coupling.particles.collisions import (
 )
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
 from ellipsoid_coupling.particles.state import Contact, Limits, ParticleState
+from ellipsoid_coupling.physics.outer import outer_force
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.stepping.status import MEANING
@@ -318,12 +319,11 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
     place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
     i = worst(force)
     x, y = float(place[0, i]), float(place[1, i])
-    scene, fluid, outer = setup.scene, np.zeros(2), np.zeros(2)
+    scene, fluid = setup.scene, np.zeros(2)
     if setup.flow is not None and scene.flow is not None:
         sample = setup.flow.evaluate(x, y)
         fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
-    if scene.outer_potential is not None:
-        outer = -scene.outer_potential.stiffness * np.array([x, y])
+    outer = np.array(outer_force(scene.outer_potential, x, y))
     terms = {
         FLUID: float(np.hypot(*fluid)),
         OUTER: float(np.hypot(*outer)),

@@ -19,6 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.finite_volume.cell_acceleration import largest_outer_torque
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
@@ -128,7 +129,7 @@ class QEquation(CellModel):
             return math.inf, math.inf
         terms, forces = self.cells.terms, self.cells.forces
         steady, turning = largest_magnitude(terms.steady), 3.0 * largest_magnitude(terms.turning)
-        turning += terms.amplitude or 0.0
+        turning += largest_outer_torque(terms.angular, self.grid.angle)
         if forces is None:
             return steady, turning
         pull = max(largest_magnitude(forces.x), largest_magnitude(forces.y))

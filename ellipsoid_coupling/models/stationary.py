@@ -15,14 +15,18 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.finite_volume.free_energy import Problem, descend, miss, point_at
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.physics.angular import angular_energy
+from ellipsoid_coupling.physics.outer import outer_energy
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +39,23 @@ _MOST_STEPS = 2000
 _LARGEST_LOG = 700.0
 
 _TIME, _STEPS, _RESIDUAL = range(3)
+
+
+@kernel
+def _set_outer(
+    outer: Record | None,
+    angular: Record | None,
+    angle: Floats,
+    y: Floats,
+    x: Floats,
+    potential: Floats,
+) -> None:
+    """Overwrite `potential` (na, ny, nx) with V1 + V2."""
+    for a in range(angle.size):
+        turned = angular_energy(angular, angle[a])
+        for j in range(y.size):
+            for i in range(x.size):
+                potential[a, j, i] = outer_energy(outer, x[i], y[j]) + turned
 
 
 class StationaryState:
@@ -79,11 +100,11 @@ class StationaryState:
     def _outer_potential(self) -> Floats:
         """V1 + V2, (na, ny, nx)."""
         scene = self._setup.scene
-        angle = 2.0 * np.pi / self.angles * np.arange(self.angles)
-        stiffness = scene.outer_potential.stiffness if scene.outer_potential else 0.0
-        amplitude = scene.angular_potential.amplitude if scene.angular_potential else 0.0
-        in_space = 0.5 * stiffness * (self.grid.y[:, None] ** 2 + self.grid.x**2)
-        return np.asarray(in_space + amplitude * np.sin(angle)[:, None, None])
+        angle = np.asarray(2.0 * np.pi / self.angles * np.arange(self.angles), np.float64)
+        potential = np.empty((self.angles, *self.grid.shape))
+        parts = scene.outer_potential, scene.angular_potential
+        _set_outer(*parts, angle, self.grid.y, self.grid.x, potential)
+        return potential
 
     def _interaction_potential(self) -> AngleGridInteraction | None:
         scene = self._setup.scene

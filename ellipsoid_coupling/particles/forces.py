@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces, still_frozen
 from ellipsoid_coupling.interaction.pairs.cells import Sources
 from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces, still_frozen
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
@@ -60,25 +60,13 @@ class Forces(NamedTuple):
 
 
 @kernel
-def evaluate(
-    drift: Drift,
-    t: float,  # noqa: ARG001 (no term depends on it yet)
-    place: Floats,
-    force: Floats,
-    frozen: Flags | None,
-) -> None:
-    """Set the drift (D, N) of one block at the time t; every stepper asks for it here."""
-    particle_forces(drift, place, force, frozen)
-
-
-@kernel
 def set_block_forces(
     block: BlockForces | None, t: float, place: Floats, force: Floats, frozen: Flags | None
 ) -> None:
     """Overwrite the drift (D, B) of one block; without `block`, all of it comes from the interaction."""
     # Without walls the frozen ones are left out already, by the drift itself.
     if block is not None:
-        evaluate(block.drift, t, place, force, frozen)
+        particle_forces(block.drift, t, place, force, frozen)
         _add_walls(block.walls, place, force, frozen)
 
 

@@ -1,34 +1,46 @@
-"""How the fluid turns an ellipse: Jeffery's term of `eq:micro`."""
+"""How the fluid turns an ellipse: Jeffery's term of `eq:micro`, linear in (1, sin 2 theta, cos 2 theta).
+
+    g(theta, u) = 1/2 (d_x u_y - d_y u_x)
+        + lambda [ 1/2 sin(2 theta) (d_y u_y - d_x u_x) + 1/2 cos(2 theta) (d_y u_x + d_x u_y) ]
+                = a + b sin 2 theta + c cos 2 theta
+
+The coefficients belong to a place: particles make them where they are, cells keep those of their centres.
+"""
 
 from __future__ import annotations
 
 from ellipsoid_coupling.compiled.jit import inline_kernel
 
+Coefficients = tuple[float, float, float]
+
 
 @inline_kernel
-def jeffery(
-    c2: float,
-    s2: float,
-    dux_dx: float,
-    dux_dy: float,
-    duy_dx: float,
-    duy_dy: float,
-    shape_factor: float,
-) -> float:
-    """The angular velocity at which the fluid turns an ellipse of angle theta.
-
-        g(theta, u) = 1/2 (d_x u_y - d_y u_x)
-            + lambda [ 1/2 sin(2 theta) (d_y u_y - d_x u_x) + 1/2 cos(2 theta) (d_y u_x + d_x u_y) ]
+def jeffery_coefficients(
+    rate: float, dux_dx: float, dux_dy: float, duy_dx: float, shape_factor: float
+) -> Coefficients:
+    """(a, b, c) times `rate`, gamma_bar.
 
     Parameters
     ----------
-    c2, s2 : float
-        cos and sin of 2 theta.
-    dux_dx, dux_dy, duy_dx, duy_dy : float
-        The velocity's gradient.
+    rate : float
+        gamma_bar; 1 for g itself.
+    dux_dx, dux_dy, duy_dx : float
+        The velocity's gradient; the flow is free of divergence, d u_y/dy = -d u_x/dx.
     shape_factor : float
         lambda; 0 for circles, which follow the rotation of the fluid.
     """
     rotation = 0.5 * (duy_dx - dux_dy)
-    strain = 0.5 * s2 * (duy_dy - dux_dx) + 0.5 * c2 * (dux_dy + duy_dx)
-    return rotation + shape_factor * strain
+    along_sine, along_cosine = -shape_factor * dux_dx, 0.5 * shape_factor * (dux_dy + duy_dx)
+    return rate * rotation, rate * along_sine, rate * along_cosine
+
+
+@inline_kernel
+def jeffery_rate(c2: float, s2: float, a: float, b: float, c: float) -> float:
+    """A + b sin 2 theta + c cos 2 theta."""
+    return a + b * s2 + c * c2
+
+
+@inline_kernel
+def jeffery_slope(c2: float, s2: float, b: float, c: float) -> float:
+    """The derivative of `jeffery_rate` with respect to theta."""
+    return 2.0 * (b * c2 - c * s2)

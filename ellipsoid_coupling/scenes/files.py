@@ -6,15 +6,17 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import MOST_NESTING, MOST_SCENE_BYTES
 from ellipsoid_coupling.files.reading import exists, read_text
+from ellipsoid_coupling.scenes.kinds import Kinds
 from ellipsoid_coupling.scenes.scene import RunPart, Scene
 
 Table = dict[str, Any]
@@ -30,13 +32,16 @@ def builtin_scenes() -> list[str]:
     return sorted(file.name[:-5] for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
-def load_scene(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
-    """Read a built-in scene by its name, or a TOML file.
+def load_scene(
+    scene: str | Path | Mapping[str, Any], settings: Mapping[str, Any] | None = None
+) -> Scene:
+    """Read a built-in scene by its name, a TOML file, or a table as such a file holds it.
 
     Parameters
     ----------
-    scene : str or Path
-        A name of `builtin_scenes`, or the path of a TOML file.
+    scene : str, Path or mapping
+        A name of `builtin_scenes`, the path of a TOML file, or a scene's sections by name:
+        ``{"name": "mine", "times": [1.0], "domain": {"x": [0.0, 1.0], ...}, ...}``.
     settings : mapping, optional
         Values that replace the file's, by dotted key: ``{"particles.number": 100}``; the value None
         takes a whole part out: ``{"interaction": None}``.
@@ -46,7 +51,11 @@ def load_scene(scene: str | Path, settings: Mapping[str, Any] | None = None) -> 
     InputError
         For a missing or unreadable file, an unknown key, a value of the wrong type or range.
     """
-    table, where = _read_table(scene)
+    if isinstance(scene, Mapping):
+        # A copy: settings are written into it.
+        table, where = deepcopy(dict(scene)), f"scene {scene.get('name', 'without a name')}"
+    else:
+        table, where = _read_table(scene)
     if _is_run(table):
         table, where = table["scene"], f"{where}, [scene]"
         if not isinstance(table, dict):
@@ -72,7 +81,7 @@ def run_part_from_table(table: Any, where: str) -> RunPart:
     try:
         return RunPart.model_validate(table)
     except ValidationError as error:
-        raise _input_error(error, f"{where}, [run]", RunPart) from None
+        raise _input_error(error, f"{where}, [run]", RunPart, table) from None
 
 
 def scene_from_table(table: Table, where: str) -> Scene:
@@ -80,7 +89,7 @@ def scene_from_table(table: Table, where: str) -> Scene:
     try:
         return Scene.model_validate(table)
     except ValidationError as error:
-        raise _input_error(error, where, Scene) from None
+        raise _input_error(error, where, Scene, table) from None
 
 
 def parse_toml(text: str, where: str) -> Table:
@@ -219,13 +228,15 @@ def _apply(table: Table, key: str, value: object) -> None:
         table[last] = value
 
 
-def _input_error(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
-    """The first mistake of `error` in words; a user mends one at a time."""
+def _input_error(
+    error: ValidationError, where: str, model: type[BaseModel], table: Table
+) -> InputError:
+    """The first mistake of `error` in `table` in words; a user mends one at a time."""
     first = error.errors(include_url=False)[0]
     key = ".".join(str(part) for part in first["loc"])
     place, found = f"{where}, key {key}" if key else where, _quoted(first["input"])
     if first["type"] == "extra_forbidden":
-        known = ", ".join(_known_keys(model, [str(part) for part in first["loc"][:-1]]))
+        known = ", ".join(_known_keys(model, [str(part) for part in first["loc"][:-1]], table))
         return InputError(place, f"one of {known}", "an unknown key", "Remove or rename it.")
     if first["type"] == "missing":
         return InputError(place, "a value", "none", "Add the key.")
@@ -250,9 +261,12 @@ def _quoted(value: object) -> str:
         return "a number of thousands of digits"
 
 
-def _known_keys(model: Any, sections: list[str]) -> list[str]:
+def _known_keys(model: Any, sections: list[str], table: Table) -> list[str]:
     for section in sections:
-        annotation = model.model_fields[section].annotation
-        options = getattr(annotation, "__args__", (annotation,))
+        field, table = model.model_fields[section], table[section]
+        options = get_args(field.annotation) or (field.annotation,)
+        kinds = (m for o in options for m in get_args(o) if isinstance(m, Kinds))
+        if (found := next(kinds, None)) is not None:
+            return found.keys(table)
         model = next(option for option in options if hasattr(option, "model_fields"))
     return sorted(model.model_fields)

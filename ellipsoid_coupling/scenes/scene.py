@@ -8,104 +8,35 @@ radian.
 from __future__ import annotations
 
 import math
-import re
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, model_validator
 
 from ellipsoid_coupling.files.limits import (
-    LARGEST_NUMBER,
     LEAST_CFL,
     LEAST_HARMONICS_TOLERANCE,
     LEAST_TOLERANCE,
     MOST_ANGLE_CELLS,
-    MOST_COUNT,
-    MOST_LINE,
-    MOST_NAME,
-    MOST_PATH,
     MOST_SEED,
-    SMALLEST_NUMBER,
     SMALLEST_STEP,
 )
-
-_JOINERS = dict.fromkeys(map(ord, "\u200c\u200d"))
-
-
-def _in_range(value: float) -> float:
-    """Refuse numbers whose products leave double precision."""
-    if value != 0.0 and not SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER:
-        raise ValueError(f"a size between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, or 0")
-    return value
-
-
-def _one_line(text: str) -> str:
-    # Letters may be joined (emoji, Persian) by characters that are not printable alone.
-    if not text.translate(_JOINERS).isprintable():
-        raise ValueError("one line of printable characters")
-    return text
-
-
-def _no_zero(path: str) -> str:
-    if "\0" in path:
-        raise ValueError("a path without zero bytes")
-    return path
-
-
-def _file_name(name: str) -> str:
-    """Refuse names that would lead a folder named after them elsewhere, or nowhere."""
-    if not re.fullmatch(r"\w[\w .+()=-]*", name) or len(name.encode()) > MOST_NAME:
-        raise ValueError(
-            f"a name of at most {MOST_NAME} letters, digits, '_', '-', '.' or spaces "
-            "that starts with a letter or digit, as folders are named after it"
-        )
-    return name
-
-
-def _listed(value: object) -> object:
-    """A single number stands for the list of it."""
-    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-Number = Annotated[float, AfterValidator(_in_range)]
-Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
-NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
-Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
-Interval = Annotated[tuple[Number, Number], Strict(False)]
-Line = Annotated[str, Field(max_length=MOST_LINE), AfterValidator(_one_line)]
-# As systems allow them: letters of any kind, tabs and line ends included.
-PathText = Annotated[str, Field(min_length=1, max_length=MOST_PATH), AfterValidator(_no_zero)]
-Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
-Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
-Times = Annotated[
-    tuple[Positive, ...], Strict(False), Field(min_length=1), BeforeValidator(_listed)
-]
-Sides = Annotated[
-    tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False), Field(min_length=1)
-]
-
-
-def _require_interval(name: str, interval: Interval) -> None:
-    low, high = interval
-    if not low < high:
-        raise ValueError(f"{name} = [low, high] with low < high")
-    # Else cells and particles would have no room between the numbers that there are.
-    if not high - low > 1e-9 * max(abs(low), abs(high)):
-        raise ValueError(f"{name} = [low, high] that differ by more than rounding")
-
-
-class Part(BaseModel):
-    """Common rules: unknown keys, wrong types, NaN and infinity are errors; nothing changes later."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS, Record
+from ellipsoid_coupling.scenes.values import (
+    Count,
+    Interval,
+    Line,
+    NotNegative,
+    Number,
+    Part,
+    PathText,
+    Points,
+    Positive,
+    Sides,
+    Times,
+    file_name,
+    require_interval,
+)
 
 
 class Domain(Part):
@@ -121,8 +52,8 @@ class Domain(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _require_interval("x", self.x)
-        _require_interval("y", self.y)
+        require_interval("x", self.x)
+        require_interval("y", self.y)
         return self
 
     @property
@@ -186,8 +117,8 @@ class Start(Part):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.points is None:
-            _require_interval("x", self.x)
-            _require_interval("y", self.y)
+            require_interval("x", self.x)
+            require_interval("y", self.y)
             return self
         for d, (low, high) in enumerate((self.x, self.y)):
             if not all(low <= point[d] <= high for point in self.points):
@@ -229,7 +160,8 @@ class Flow(Part):
     """The fluid: where its velocity comes from, and the relaxation rates gamma and gamma_bar.
 
     `source` "openfoam" names a case of foam_cases/ (solved with `cells` cells a side),
-    "closed_form" a field of flow/analytic.py.
+    "closed_form" a field of flow/analytic.py, or a registered one, with its `parameters`; a field
+    that is not linear is sampled with `cells` cells a side of the domain.
     """
 
     source: Literal["openfoam", "closed_form"]
@@ -237,11 +169,12 @@ class Flow(Part):
     cells: Count = 100
     drag: NotNegative
     angular_drag: NotNegative
+    parameters: dict[str, Number] | None = None
 
     @property
-    def named(self) -> tuple[str, str, int]:
-        """What the flow itself depends on: source, field and cells."""
-        return self.source, self.field, self.cells
+    def named(self) -> tuple[str, str, int, dict[str, float]]:
+        """What the flow itself depends on: source, field, cells and parameters."""
+        return self.source, self.field, self.cells, self.parameters or {}
 
 
 class InteractionPart(Part):
@@ -262,18 +195,6 @@ class WallsPart(Part):
         if len(set(self.sides)) < len(self.sides):
             raise ValueError(f"each of sides once, not {', '.join(self.sides)}")
         return self
-
-
-class OuterPotential(Part):
-    """V1(r) = stiffness |r|^2 / 2."""
-
-    stiffness: Positive
-
-
-class AngularPotential(Part):
-    """V2(theta) = amplitude sin(theta)."""
-
-    amplitude: Positive
 
 
 class Noise(Part):
@@ -307,7 +228,7 @@ class Numerics(Part):
 class Scene(Part):
     """One simulation's physics. Built by `load_scene`; see the class of each part for its keys."""
 
-    name: Annotated[str, AfterValidator(_file_name)]
+    name: Annotated[str, AfterValidator(file_name)]
     title: Line = ""
     times: Times
     domain: Domain
@@ -317,8 +238,8 @@ class Scene(Part):
     flow: Flow | None = None
     interaction: InteractionPart | None = None
     walls: WallsPart | None = None
-    outer_potential: OuterPotential | None = None
-    angular_potential: AngularPotential | None = None
+    outer_potential: Annotated[Record, OUTER_POTENTIALS] | None = None
+    angular_potential: Annotated[Record, ANGULAR_POTENTIALS] | None = None
     noise: Noise | None = None
 
     @model_validator(mode="after")

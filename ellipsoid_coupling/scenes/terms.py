@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS
 from ellipsoid_coupling.scenes.scene import Scene
 
 # Models whose unknown is a density without random motion: noise enters them as damping only.
@@ -124,14 +125,14 @@ def _surroundings(scene: Scene) -> list[Term]:
         Term(
             "outer_potential",
             outer is not None,
-            f"V1 = {outer.stiffness:g} r^2/2" if outer else "no [outer_potential]: V1 = 0",
+            "no [outer_potential]: V1 = 0" if outer is None else OUTER_POTENTIALS.describe(outer),
         ),
         Term(
             "angular_potential",
             turning is not None,
-            f"V2 = {turning.amplitude:g} sin(theta)"
-            if turning
-            else "no [angular_potential]: V2 = 0",
+            "no [angular_potential]: V2 = 0"
+            if turning is None
+            else ANGULAR_POTENTIALS.describe(turning),
         ),
     ]
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.reading import exists, is_folder
-from ellipsoid_coupling.flow import FlowField, analytic_flow, find_flow, flow_at
+from ellipsoid_coupling.flow import FlowField, closed_form_flow, find_flow, flow_at
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, load_run_part, load_scene
-from ellipsoid_coupling.scenes.scene import Flow
+from ellipsoid_coupling.scenes.scene import Domain, Flow
 from ellipsoid_coupling.storage.run_folder import FLOW_FILE, RUN_FILE
 
 # What stands for a digest where there is no flow, or nobody wrote it down.
@@ -111,7 +111,7 @@ def run_flow(
                 f"one with digest {field.digest}", "Give the run's own.",
             )  # fmt: skip
         return field
-    found = _flow_elsewhere(scene.flow, told)
+    found = _flow_elsewhere(scene.flow, scene.domain, told)
     if found is None or not told <= {found.digest}:
         raise InputError(
             str(file), f"the flow that the run used, digest {_either(told)}", "none",
@@ -120,10 +120,10 @@ def run_flow(
     return found
 
 
-def _flow_elsewhere(part: Flow, told: set[str]) -> FlowField | None:
+def _flow_elsewhere(part: Flow, domain: Domain, told: set[str]) -> FlowField | None:
     """A flow for a folder that holds none: by its formula, or what is shipped or cached of `told`."""
     if part.source == "closed_form":
-        return analytic_flow(part.field)
+        return closed_form_flow(part, domain)
     found = (find_flow(part.field, part.cells, digest) for digest in sorted(told))
     return next((field for field in found if field is not None), None)
 

@@ -28,6 +28,7 @@ from ellipsoid_coupling.finite_volume.sources import (
 )
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit
 from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.physics.angular import Sine
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def some_terms(turns: bool, damping: float = 0.7) -> CellTerms:
     return CellTerms(
         steady=rng.standard_normal((2, ROWS, COLUMNS)),
         turning=rng.standard_normal((3, ROWS, COLUMNS)) if turns else None,
-        amplitude=0.3 if turns else None,
+        angular=Sine(0.3) if turns else None,
         damping=damping,
         angular_damping=0.4 if turns else 0.0,
         inverse_mass=1.5,
@@ -75,7 +76,8 @@ def expected_drift(terms: CellTerms, forces: AngleForces | None, components: int
         theta = 2.0 * np.pi * np.arange(ANGLES)[:, None, None] / ANGLES
         even, sine, cosine = terms.turning
         drift[2] += even + sine * np.sin(2.0 * theta) + cosine * np.cos(2.0 * theta)
-        drift[2] -= (terms.amplitude or 0.0) * np.cos(theta)
+        if isinstance(terms.angular, Sine):
+            drift[2] -= terms.angular.amplitude * np.cos(theta)
     if forces is not None:
         drift[0] += terms.inverse_mass * np.tile(forces.x.astype(np.float64), (2, 1, 1))
         drift[1] += terms.inverse_mass * np.tile(forces.y.astype(np.float64), (2, 1, 1))

@@ -20,6 +20,7 @@ from ellipsoid_coupling.finite_volume.sources import (
 )
 from ellipsoid_coupling.finite_volume.step_limits import ExtremesLimit, extremes_of
 from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.physics.angular import Sine
 from tests.finite_volume.whole import kick as kick_by_numpy
 
 Floats = NDArray[np.float64]
@@ -40,7 +41,7 @@ def some_cells(components: int) -> tuple[Cells, CellTerms, Forces]:
     terms = CellTerms(
         steady=rng.standard_normal((2, *grid)),
         turning=rng.standard_normal((3, *grid)) if turns else None,
-        amplitude=0.3 if turns else None,
+        angular=Sine(0.3) if turns else None,
         damping=0.7,
         angular_damping=0.0,
         inverse_mass=1.5,
@@ -78,7 +79,7 @@ def copy_of(cells: Cells) -> Cells:
 
 @pytest.mark.parametrize("components", [3, 5])
 @pytest.mark.parametrize("interacting", [False, True])
-@pytest.mark.parametrize("left_out", ["nothing", "steady", "turning", "amplitude"])
+@pytest.mark.parametrize("left_out", ["nothing", "steady", "turning", "angular"])
 def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: str) -> None:
     """By numpy, to rounding: F/m and F_bar of cells with mass, whatever the scene leaves out."""
     cells, terms, push = some_cells(components)
@@ -86,7 +87,7 @@ def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: 
         "nothing": terms,
         "steady": terms._replace(steady=None),
         "turning": terms._replace(turning=None),
-        "amplitude": terms._replace(amplitude=None),
+        "angular": terms._replace(angular=None),
     }[left_out]
     do(cells, terms, push if interacting else None, fresh=True)
     inner = interior(cells.fields)[:, 0]
@@ -101,8 +102,8 @@ def test_the_drift_is_its_formula(components: int, interacting: bool, left_out: 
         if terms.turning is not None:
             even, sine, cosine = terms.turning
             expected[2] += even + sine * np.sin(2.0 * angle) + cosine * np.cos(2.0 * angle)
-        if terms.amplitude is not None:
-            expected[2] -= terms.amplitude * np.cos(angle)
+        if isinstance(terms.angular, Sine):
+            expected[2] -= terms.angular.amplitude * np.cos(angle)
         if interacting and push.torque is not None:
             expected[2] += terms.inverse_inertia * push.torque
     np.testing.assert_allclose(cells.drift[:, 0], expected * held, rtol=1e-13, atol=1e-13)

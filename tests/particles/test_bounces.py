@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from ellipsoid_coupling.interaction.drift import Drift
+from ellipsoid_coupling.interaction.particle_forces import Drift
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.forces import BlockForces
 from ellipsoid_coupling.particles.own_clock import advance_own_clocks
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates
+from ellipsoid_coupling.physics.drift import External
+from ellipsoid_coupling.physics.outer import Harmonic
 from ellipsoid_coupling.stepping.step_control import GIVEN, TIME, new_clock
 
-SPRING = BlockForces(Drift(None, 0.0, None, 0.0, None, 1.0, None), None)
+SPRING = BlockForces(Drift(External(outer=Harmonic(1.0))), None)
 
 
 def ball(height: float, t: float) -> tuple[float, float]:

@@ -18,9 +18,14 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
 from ellipsoid_coupling.compiled.tuning import CLOUD_TASKS, PARTICLES_PER_TASK
-from ellipsoid_coupling.interaction.drift import Drift, own_forces, set_axes, still_frozen
 from ellipsoid_coupling.interaction.pairs.cells import RECORD, CellGrid, Sources, sort_into
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, RowSums, add_sums, sum_rows
+from ellipsoid_coupling.interaction.particle_forces import (
+    Drift,
+    own_forces,
+    set_axes,
+    still_frozen,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,22 +47,20 @@ class LargeCloud:
         self._alone = drift._replace(pairs=None)
         self._axis = np.empty((2, number))
         self._parts = chunk_ranges(number, _tasks(number))
-        self._outside = np.zeros(len(self._parts), np.int64)
         self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
 
-    def set_forces(self, place: Floats, force: Floats, frozen: Flags | None = None) -> int:
-        """Overwrite the drift (1, D, N) at `place`; returns as `particle_forces`, whose `frozen` it is."""
+    def set_forces(
+        self, t: float, place: Floats, force: Floats, frozen: Flags | None = None
+    ) -> None:
+        """Overwrite the drift (1, D, N) at time t and `place`; see `particle_forces` for `frozen`."""
 
         def own(part: int) -> None:
-            self._outside[part] = _part_forces(
-                self._alone, place[0], self._axis, force[0], self._parts[part]
-            )
+            _part_forces(self._alone, t, place[0], self._axis, force[0], self._parts[part])
 
         for_each(len(self._parts), own)
         if self._sum is not None:
             self._add_pairs(self._sum, place[0], force[0], frozen)
         still_frozen(frozen, force[0])
-        return int(self._outside.sum())
 
     def _add_pairs(
         self, pair_sum: PairSum, place: Floats, force: Floats, frozen: Flags | None
@@ -125,11 +128,11 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
 
 @kernel
 def _part_forces(
-    drift: Drift, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
-) -> int:
+    drift: Drift, t: float, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
+) -> None:
     """Axes and drift without pairs of the particles part[0] .. part[1] - 1."""
     set_axes(place, axis, part)
-    return own_forces(drift, place, axis, force, part)
+    own_forces(drift, t, place, axis, force, part)
 
 
 @kernel

@@ -11,10 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.interaction.drift import Drift, particle_forces
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud, row_blocks
+from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
+from ellipsoid_coupling.physics.angular import Sine
+from ellipsoid_coupling.physics.drift import External, Fluid
+from ellipsoid_coupling.physics.outer import Harmonic
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -49,22 +52,22 @@ def test_all_threads_find_what_one_finds(
     """Within 1e-12 of the largest force: the same pairs, added in another order."""
     turns = width < 0.02
     pairs = pairs_of(width, ghosts)
-    drift = Drift(rotation_flow.arrays, 2.0, 3.0 if turns else None, 0.7, pairs, 1.5, None)
+    drift = Drift(External(Fluid(rotation_flow.arrays, 2.0, 3.0, 0.7), Harmonic(1.5)), pairs)
     place = places()[: 3 if turns else 2]
     one, all_ = np.empty_like(place), np.empty_like(place)
-    outside = particle_forces(drift, place, one)
-    assert LargeCloud(drift, NUMBER).set_forces(place[None], all_[None]) == outside
+    particle_forces(drift, 0.0, place, one)
+    LargeCloud(drift, NUMBER).set_forces(0.0, place[None], all_[None])
     scale = np.abs(one).max(axis=1, keepdims=True)
     assert np.abs(all_ - one).max() < 1e-12 * scale.max()
     assert (np.abs(all_ - one) < 1e-12 * scale).all()
 
 
 def test_without_pairs_the_same_bits(rotation_flow: FlowField) -> None:
-    drift = Drift(rotation_flow.arrays, 2.0, 3.0, 0.7, None, 1.5, 0.3)
+    drift = Drift(External(Fluid(rotation_flow.arrays, 2.0, 3.0, 0.7), Harmonic(1.5), Sine(0.3)))
     place = places()
     one, all_ = np.empty_like(place), np.empty_like(place)
-    particle_forces(drift, place, one)
-    LargeCloud(drift, NUMBER).set_forces(place[None], all_[None])
+    particle_forces(drift, 0.0, place, one)
+    LargeCloud(drift, NUMBER).set_forces(0.0, place[None], all_[None])
     assert np.array_equal(one, all_)
 
 
@@ -82,15 +85,17 @@ def test_blocks_cover_all_rows_and_have_two_at_least() -> None:
 
 BITS = """
 import hashlib, numba, numpy as np
-from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud
+from ellipsoid_coupling.interaction.particle_forces import Drift
+from ellipsoid_coupling.physics.drift import External
+from ellipsoid_coupling.physics.outer import Harmonic
 from tests.interaction.pairs.test_threaded_pair_sum import NUMBER, pairs_of, places
-drift = Drift(None, 0.0, None, 0.0, pairs_of(0.008, True), 1.5, None)
+drift = Drift(External(outer=Harmonic(1.5)), pairs_of(0.008, True))
 for threads in (1, 2, 4):
     numba.set_num_threads(threads)
     place = places()[None]
     force = np.empty_like(place)
-    LargeCloud(drift, NUMBER).set_forces(place, force)
+    LargeCloud(drift, NUMBER).set_forces(0.0, place, force)
     print(hashlib.sha256(force.tobytes()).hexdigest())
 """
 

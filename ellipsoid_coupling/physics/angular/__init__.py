@@ -1,0 +1,12 @@
+"""Angular potentials V2(theta): records whose formulas are chosen by type, one file a kind."""
+
+from ellipsoid_coupling.physics.angular.axis import Axis
+from ellipsoid_coupling.physics.angular.formulas import (
+    angular_energy,
+    outer_torque,
+    outer_torque_slope,
+    register,
+)
+from ellipsoid_coupling.physics.angular.sine import Sine
+
+__all__ = ["Axis", "Sine", "angular_energy", "outer_torque", "outer_torque_slope", "register"]

@@ -1,0 +1,105 @@
+"""How to add an angular potential V2(theta): a record, its value, its torque, and the torque's slope.
+
+The slope serves the paper's implicit Euler step for cells, by Newton's iteration.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import ellipsoid_coupling as ec
+from ellipsoid_coupling.physics import angular
+from ellipsoid_coupling.scenes.values import Positive
+
+
+class Facets(NamedTuple):
+    """V2(theta) = -amplitude cos(folds theta): so many directions attract alike."""
+
+    amplitude: Positive
+    folds: int = 3
+
+
+def energy(potential: Facets, angle: float) -> float:
+    """V2."""
+    return -potential.amplitude * math.cos(potential.folds * angle)
+
+
+def torque(potential: Facets, angle: float) -> float:
+    """-dV2/dtheta."""
+    return -potential.folds * potential.amplitude * math.sin(potential.folds * angle)
+
+
+def slope(potential: Facets, angle: float) -> float:
+    """The torque's derivative."""
+    return -(potential.folds**2) * potential.amplitude * math.cos(potential.folds * angle)
+
+
+angular.register(
+    "facets",
+    Facets,
+    energy=energy,
+    torque=torque,
+    slope=slope,
+    text="V2 = -{amplitude:g} cos({folds} theta)",
+)
+
+START = 0.6
+SCENE: dict[str, Any] = {
+    "name": "facets",
+    "times": [1.0],
+    "domain": {"x": [0.0, 1.0], "y": [0.0, 1.0], "boundary": "open"},
+    "particles": {"length": 0.1, "width": 0.05, "number": 4},
+    "start": {"x": [0.3, 0.7], "y": [0.3, 0.7], "angle": START},
+    "angular_potential": {"kind": "facets", "amplitude": 2.0},
+    "numerics": {"cell": 0.1, "angle_cells": 24, "tolerance": 1e-8},
+}
+
+
+def half_period(amplitude: float, folds: int) -> float:
+    """Of a pendulum, (folds theta)'' = -folds^2 amplitude sin(folds theta), from rest at START."""
+    return 2.0 * float(ellipk(math.sin(0.5 * folds * START) ** 2)) / (folds * math.sqrt(amplitude))
+
+
+def test_a_particle_swings_like_a_pendulum() -> None:
+    """To the other side and back; 1e-5, from steps of second order at a tolerance of 1e-8."""
+    half = half_period(2.0, 3)
+    scene = ec.load_scene(SCENE, {"times": [half, 2.0 * half]})
+    angle = ec.simulate(scene, model="microscopic").variables["angle"]
+    np.testing.assert_allclose(angle[0], -START, atol=1e-5)
+    np.testing.assert_allclose(angle[1], START, atol=1e-5)
+
+
+@pytest.mark.parametrize(("scheme", "error"), [("accurate", 2e-3), ("paper", 0.3)])
+def test_cells_swing_alike(scheme: Any, error: float) -> None:
+    """At the bottom of its swing a pendulum turns fastest: the rho-equation, both schemes.
+
+    Second order, and first order with an implicit step, which damps: its slope must be right for
+    Newton's iteration to end.
+    """
+    scene = ec.load_scene(SCENE, {"times": [0.5 * half_period(2.0, 3)], "numerics.time_step": 1e-3})
+    result = ec.simulate(scene, model="rho_mono_kinetic", scheme=scheme)
+    full = result.variables["density"][-1] > 0.0
+    fastest = -2.0 * math.sqrt(2.0) * math.sin(0.5 * 3 * START)
+    spin = result.variables["angular_velocity"][-1][full]
+    np.testing.assert_allclose(spin, fastest, atol=error * abs(fastest))
+
+
+def test_its_equilibrium_is_kept_by_the_maxwellian_closure() -> None:
+    """At rest in exp(-V2)/Z, q_maxwellian stays there to rounding: the work along the angle is V2's own."""
+    settings = {
+        "outer_potential": {"stiffness": 4.0},
+        "domain": {"x": [-2.0, 2.0], "y": [-2.0, 2.0], "boundary": "open"},
+        "noise": {"noise": 1.0, "angular_noise": 1.0},
+        "numerics.cell": 0.5,
+    }
+    scene = ec.load_scene(SCENE, settings)
+    result = ec.simulate(scene, model="stationary_state")
+    angle = result.coordinates["angle"]
+    found = result.variables["density"][-1].sum(axis=(1, 2))
+    expected = np.exp(2.0 * np.cos(3.0 * angle))
+    np.testing.assert_allclose(found / found.sum(), expected / expected.sum(), rtol=1e-12)

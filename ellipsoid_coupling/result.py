@@ -147,10 +147,7 @@ class Result:
             angles = zip(self.variables["angle"], self._frozen(), strict=True)
             return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
         if self.layout == "q":
-            if (
-                self.variables["density"].shape[1] == 1
-                and not terms_of(self.scene, self.model).angle
-            ):
+            if self.variables["density"].shape[1] == 1 and not terms_of(self.scene).angle:
                 return self._held_angles(bins)
             mass = self.variables["density"].sum(axis=(2, 3))
             total = mass.sum(axis=1, keepdims=True) * histograms.FULL_TURN / mass.shape[1]

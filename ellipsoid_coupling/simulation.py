@@ -22,16 +22,20 @@ from ellipsoid_coupling.files.signals import Interruption, noticed
 from ellipsoid_coupling.files.writing import Arrays
 from ellipsoid_coupling.flow import FlowField, Wanted, analytic_flow, obtain_flow
 from ellipsoid_coupling.models import (
+    ADAPTIVE_SCHEME,
     Model,
     SchemeName,
     Setup,
     build_model,
+    kind_named,
+    model_terms,
     require_fit,
+    resolution_text,
     scheme_named,
 )
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
@@ -78,7 +82,7 @@ def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
 def simulate(
     scene: Scene,
     model: str,
-    scheme: SchemeName = "accurate",
+    scheme: SchemeName = ADAPTIVE_SCHEME,
     *,
     flow: FlowField | Wanted | str | Path | None = None,
     seed: int = 0,
@@ -135,8 +139,8 @@ def _checked_setup(
     """What is run, still without its flow; InputError for all that can be told wrong by then."""
     setup = Setup(
         scene=scene,
-        terms=terms_of(scene, model),
-        scheme=scheme_named(scheme),
+        terms=model_terms(scene, model),
+        scheme=scheme_named(scheme).name,
         flow=None,
         seed=_whole("seed", seed, 0, MOST_SEED),
         realisations=scene.particles.realisations
@@ -274,20 +278,24 @@ class _Run:
                 where, "the state of a sound run", str(error), "Remove it to start again."
             ) from None
 
+    def _resolution(self) -> str:
+        setup = self.setup
+        return resolution_text(self.name, setup.scheme, setup.scene, setup.realisations)
+
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
         result = Result(
             scene=self.setup.scene,
             model=self.name,
             scheme=self.setup.scheme,
-            layout=self.model.layout,
+            layout=kind_named(self.name).layout,
             times=np.array(self.setup.scene.times[: len(self.snapshots)]),
             variables=_stack(self.snapshots or [self.model.snapshot()], len(self.snapshots)),
             coordinates=self.model.coordinates(),
             attributes={
                 "status": status,
                 "seed": self.setup.seed,
-                "resolution": _resolution(self.model.layout, self.setup),
+                "resolution": self._resolution(),
                 "flow": self.setup.flow.origin if self.setup.flow else "none",
                 "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
@@ -318,16 +326,3 @@ def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
         # As it is: to copy large fields takes as long as a step.
         return {name: snapshots[0][name][None][:count] for name in names}
     return {name: np.stack([s.pop(name) for s in snapshots])[:count] for name in names}
-
-
-def _resolution(layout: str, setup: Setup) -> str:
-    numerics = setup.scene.numerics
-    if layout == "particles":
-        step = (
-            f"dt = {numerics.time_step:g}"
-            if setup.scheme == "paper"
-            else f"tolerance = {numerics.tolerance:g}"
-        )
-        return f"{setup.scene.particles.number} x {setup.realisations} particles, {step}"
-    angle = f", {numerics.angle_cells} angles" if layout == "q" else ""
-    return f"h = {numerics.cell:g}{angle}"

@@ -154,6 +154,7 @@ def approach_of_the_limit(page: Page, limit: float) -> None:
         page.tell_run(result)
         beyond.append(math.sqrt(float(spread(result)[0]) ** 2 - limit**2))
     path = draw_convergence(
+        "microscopic",
         numbers,
         beyond,
         page.folder / "top_bottom_limit.png",

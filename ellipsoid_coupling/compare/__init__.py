@@ -9,7 +9,7 @@ from ellipsoid_coupling.compare.frontier import (
     FrontierRow,
     run_frontier,
 )
-from ellipsoid_coupling.compare.quick_comparison import compare_runs, short_cases, short_frontier
+from ellipsoid_coupling.compare.quick_comparison import compare_runs, short_frontier, short_runs
 from ellipsoid_coupling.compare.table import write_table
 
 __all__ = [
@@ -26,7 +26,7 @@ __all__ = [
     "pareto_front",
     "run_frontier",
     "sampling_errors",
-    "short_cases",
     "short_frontier",
+    "short_runs",
     "write_table",
 ]

@@ -17,7 +17,9 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.overdamped import CreepingEuler, CreepingHeun
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.from_scene import scene_rates
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.r_grid import RGridEquation
+from ellipsoid_coupling.models.summation import on_r_grid
 
 
 class Diffusive(RGridEquation):
@@ -30,7 +32,17 @@ class Diffusive(RGridEquation):
         particles that turn: there is no such limit.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("diffusive",)
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "diffusive",
+            label="diffusive limit",
+            layout="rho",
+            rank=6,
+            style=LineStyle("#CC79A7", (0.0, (2.0, 1.0)), "v"),
+            summation=on_r_grid,
+            overdamped=True,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         super().__init__(

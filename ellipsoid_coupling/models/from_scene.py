@@ -15,7 +15,7 @@ from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.flow_fit import can_be_left, rectangle, require_start_inside
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
@@ -272,7 +272,7 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
     }
 
 
-def particle_spot(state: ParticleState, setup: Setup) -> Spot:
+def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     """The particle that is pulled hardest."""
     place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
     i = worst(force)
@@ -289,7 +289,7 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
         PAIRS: float(np.hypot(*(force[:2, i] - fluid - outer))),
         TORQUE: float(np.abs(force[2:, i]).max(initial=0.0)),
     }
-    return Spot((x, y, *map(float, place[2:, i])), terms)
+    return FailureSite((x, y, *map(float, place[2:, i])), terms)
 
 
 def particle_health(state: ParticleState, box: Floats | None) -> Health:

@@ -18,7 +18,7 @@ further out of an open domain than two ranges of the potential no longer interac
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +26,19 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.compiled.jit import for_each
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.from_scene import (
     freeze_again,
     none_frozen,
     particle_counts,
+    particle_failure_site,
     particle_health,
     particle_snapshot,
-    particle_spot,
     random_points,
     require_none_left,
     scene_drift,
@@ -46,6 +47,8 @@ from ellipsoid_coupling.models.from_scene import (
     silence,
     start_at_rest,
 )
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
+from ellipsoid_coupling.models.summation import among_samples
 from ellipsoid_coupling.particles.blocks import Alone, Forces
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.particles.shared_clock import TOGETHER
@@ -63,18 +66,15 @@ _STEPS_PER_CALL = 8
 _BLOCK = 1024
 
 
-def even_points(scene: Scene, samples: int) -> Floats:
+def _blocks_of_points(scene: Scene, samples: int) -> Floats:
     """Midpoints of side x side equal parts of the start box, row by row: (K, 2, B).
 
     As many rows are a block as make `_BLOCK` samples at most; two blocks at least, or a row.
     """
     side = max(1, round(np.sqrt(samples)))
-    part = (np.arange(side) + 0.5) / side
-    x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
-    y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
     fitting = [rows for rows in range(1, side) if side % rows == 0 and rows * side <= _BLOCK]
     blocks = side // max(fitting, default=1)
-    points = np.stack(np.meshgrid(x, y)).reshape(2, blocks, -1)
+    points = even_points(scene.start.x, scene.start.y, side, side).reshape(2, blocks, -1)
     return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
@@ -84,7 +84,7 @@ def start_state(setup: Setup) -> ParticleState:
     if setup.terms.noise or setup.terms.angular_noise:
         points = random_points(scene, setup.seed, realisations)
     else:
-        points = even_points(scene, scene.particles.number * realisations)
+        points = _blocks_of_points(scene, scene.particles.number * realisations)
     place, velocity = start_at_rest(setup, points)
     clock = new_clock(1, scene.numerics.time_step, GIVEN)
     frozen = none_frozen(setup, place)
@@ -115,9 +115,17 @@ def _interact(
 class McKeanVlasov:
     """`Model` of the nonlinear process."""
 
-    names: ClassVar[tuple[str, ...]] = ("mckean_vlasov",)
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
-    together: ClassVar[bool] = True
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "mckean_vlasov",
+            label="McKean-Vlasov",
+            layout="particles",
+            rank=2,
+            style=LineStyle("#000000", (0.0, (1.0, 1.0)), "*"),
+            random_motion=True,
+            summation=among_samples,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name
@@ -182,7 +190,7 @@ class McKeanVlasov:
             what, remedy = MEANING[status]
             raise RunError(
                 f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}: {what}. "
-                f"{self.spot()} {remedy}"
+                f"{self.failure_site()} {remedy}"
             )
 
     def snapshot(self) -> Arrays:
@@ -208,9 +216,9 @@ class McKeanVlasov:
             current[name][...] = array
         freeze_again(self._state, self._setup.flow)
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""
-        return particle_spot(self._state, self._setup)
+        return particle_failure_site(self._state, self._setup)
 
     def health(self) -> Health:
         """Speeds and forces of all particles, and whether all are inside."""

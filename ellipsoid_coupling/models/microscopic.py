@@ -9,7 +9,7 @@ domega = [gamma_bar (g - omega) - 1/(I_c N) sum_j dU/dtheta - dV2/dtheta - (B^2/
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,14 @@ from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LEAST_LARGE, LargeCloud
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.from_scene import (
     freeze_again,
     none_frozen,
     particle_counts,
+    particle_failure_site,
     particle_health,
     particle_snapshot,
-    particle_spot,
     random_points,
     require_none_left,
     scene_drift,
@@ -34,6 +34,8 @@ from ellipsoid_coupling.models.from_scene import (
     silence,
     start_at_rest,
 )
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
+from ellipsoid_coupling.models.summation import pair_by_pair
 from ellipsoid_coupling.particles import SCHEMES
 from ellipsoid_coupling.particles.blocks import Forces
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
@@ -72,9 +74,18 @@ def one_of(state: ParticleState, k: int) -> ParticleState:
 class Microscopic:
     """`Model` of the microscopic system."""
 
-    names: ClassVar[tuple[str, ...]] = ("microscopic",)
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
-    together: ClassVar[bool] = False
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "microscopic",
+            label="microscopic",
+            layout="particles",
+            rank=1,
+            style=LineStyle("#0072B2", "-", "o"),
+            independent_realisations=True,
+            random_motion=True,
+            summation=pair_by_pair,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name
@@ -147,7 +158,7 @@ class Microscopic:
         what, remedy = MEANING[int(status[worst])]
         raise RunError(
             f"{self._setup.scene.name}, {self.name}, realisation {worst}, "
-            f"t = {clock[worst, TIME]:.6g}: {what}. {self.spot()} {remedy}"
+            f"t = {clock[worst, TIME]:.6g}: {what}. {self.failure_site()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -172,9 +183,9 @@ class Microscopic:
             current[name][...] = array
         freeze_again(self._state, self._setup.flow)
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""
-        return particle_spot(self._state, self._setup)
+        return particle_failure_site(self._state, self._setup)
 
     def health(self) -> Health:
         """Speeds and forces of all particles, and whether all are inside."""

@@ -14,7 +14,7 @@ there is no pressure, else the scheme of finite_volume/well_balanced.py. `_STEPP
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,13 @@ from ellipsoid_coupling.finite_volume.well_balanced import BalancedHeun
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity, distinct_angles
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction, box_of
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_one_angle, of_start
+from ellipsoid_coupling.models.schemes import SchemeName
+from ellipsoid_coupling.models.summation import on_q_grid, on_q_grid_exactly, q_tolerance
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -77,9 +80,26 @@ class QEquation:
         For a grid that does not fit the domain, too few angles, or kernels that fill the memory.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("q_maxwellian", "q_mono_kinetic")
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
-    together: ClassVar[bool] = True
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "q_maxwellian",
+            label="q, Maxwellian",
+            layout="q",
+            rank=3,
+            style=LineStyle("#E69F00", (0.0, (3.0, 1.0, 1.0, 1.0, 1.0, 1.0)), "D"),
+            summation=on_q_grid_exactly,
+            pressure=PRESSURE["maxwellian"],
+        ),
+        ModelKind(
+            "q_mono_kinetic",
+            label="q, mono-kinetic",
+            layout="q",
+            rank=4,
+            style=LineStyle("#009E73", (0.0, (5.0, 1.0, 1.0, 1.0)), "s"),
+            summation=on_q_grid,
+            pressure=PRESSURE["mono_kinetic"],
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name
@@ -135,7 +155,7 @@ class QEquation:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.failure_site()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -182,7 +202,7 @@ class QEquation:
         self.system.look_for_mass()
         self.stepper.prepare()
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The fastest cell; forces as far as the stepper keeps them."""
         system, forces = self.system, self.stepper.forces
         fields = inside(system.fields)
@@ -199,7 +219,7 @@ class QEquation:
             if forces.torque is not None:
                 strengths[TORQUE] = terms.inverse_inertia * abs(float(forces.torque[at]))
         place = float(plane.x[i]), float(plane.y[j]), float(self.grid.angle[a])
-        return Spot(place, strengths)
+        return FailureSite(place, strengths)
 
     def health(self) -> Health:
         """Mass, least density, speeds; a bound of the forces where there is no pressure."""
@@ -219,7 +239,7 @@ class QEquation:
         return steady + pull * terms.inverse_mass, turning + torque * terms.inverse_inertia
 
     def counts(self) -> Counts:
-        """The steps, the mass balance, if they have, when characteristics crossed, and what to tell."""
+        """The steps, the mass balance, if they have, when characteristics crossed, and the warnings."""
         crossing = {} if self._crossing is None else self._crossing.counts()
         crossed = math.nan if self._crossing is None else self._crossing.time
         scene, turns = self._setup.scene, self.system.fields.shape[0] > QOMEGA
@@ -253,7 +273,12 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     if scene.interaction is not None:
         strength = scene.interaction.strength
         interaction = AngleGridInteraction(
-            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, pressure)
+            grid.shape,
+            grid.plane.cell,
+            shape,
+            strength,
+            quantity,
+            q_tolerance(scene, exact=pressure > 0.0),
         )
     return QSystem(
         grid=grid,
@@ -278,13 +303,6 @@ def _start(grid: QGrid, scene: Scene) -> Floats:
     for x, y, angle in places:
         start[(slice(None), *cell_of(grid.plane, x, y))] += start_angles(grid, angle)
     return np.asarray(start / (len(places) * grid.volume))
-
-
-def _tolerance(scene: Scene, pressure: float) -> float:
-    """What the interaction may be off by; pressure has equilibria, which stay with all digits only."""
-    numerics = scene.numerics
-    exact = numerics.interaction == "direct" or pressure > 0.0
-    return 0.0 if exact else numerics.harmonics_tolerance
 
 
 def _scene_q_grid(scene: Scene) -> QGrid:

@@ -6,8 +6,6 @@ the three operations that a splitting uses (`splitting.SplitEquation`) live here
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +35,7 @@ from ellipsoid_coupling.finite_volume.splitting import Splitting
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.run_warnings import as_counts, of_mixed_angles, of_start
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -72,9 +70,6 @@ class RGridEquation:
     drift : (3 or 2, ny, nx)
         F_x, F_y and F_bar of `finite_volume.sources`, at the present fields.
     """
-
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
-    together: ClassVar[bool] = True
 
     def __init__(self, name: str, setup: Setup, splitting: Splitting) -> None:
         self.name = name
@@ -189,7 +184,7 @@ class RGridEquation:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.failure_site()} {remedy}"
         )
 
     def snapshot(self) -> Arrays:
@@ -224,7 +219,7 @@ class RGridEquation:
             current[name][...] = array
         self._splitting.restore(self)
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The cell where the drift is strongest."""
         j, i = np.unravel_index(
             worst(self.drift, interior(self.fields)[RHO] > 0.0), self.grid.shape
@@ -236,7 +231,7 @@ class RGridEquation:
             PAIRS: float(np.hypot(*(drift[:2] - steady))),
             TORQUE: float(np.abs(drift[2:]).max(initial=0.0)),
         }
-        return Spot((float(self.grid.x[i]), float(self.grid.y[j])), terms)
+        return FailureSite((float(self.grid.x[i]), float(self.grid.y[j])), terms)
 
     def health(self) -> Health:
         """Mass, least density, speeds, and the drift's largest components."""
@@ -249,7 +244,7 @@ class RGridEquation:
         return Health(mass * self.cell**2, least, speeds, forces)
 
     def counts(self) -> Counts:
-        """The steps, the mass balance, and what should be told."""
+        """The steps, the mass balance, and the warnings."""
         return (
             step_log(self.clock)
             | {
@@ -257,10 +252,10 @@ class RGridEquation:
                 "mass_end": self._mass(),
                 "mass_left": float(self._left[0] * self.cell**2),
             }
-            | as_counts(self.told())
+            | as_counts(self.warnings())
         )
 
-    def told(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """Sentences for `Result.warnings`."""
         scene = self._setup.scene
         return of_start(scene) + of_mixed_angles(scene)

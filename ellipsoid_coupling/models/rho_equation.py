@@ -18,15 +18,27 @@ from typing import ClassVar
 from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
 from ellipsoid_coupling.finite_volume.splitting import GodunovSplitting, KickDriftKick, Splitting
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.r_grid import RGridEquation
 from ellipsoid_coupling.models.run_warnings import of_crossing
+from ellipsoid_coupling.models.summation import on_r_grid
 from ellipsoid_coupling.physics.closure import PRESSURE
 
 
 class RhoEquation(RGridEquation):
     """`Model` of the rho-equation."""
 
-    names: ClassVar[tuple[str, ...]] = ("rho_mono_kinetic",)
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "rho_mono_kinetic",
+            label="rho, mono-kinetic",
+            layout="rho",
+            rank=5,
+            style=LineStyle("#D55E00", (0.0, (4.0, 1.5)), "^"),
+            summation=on_r_grid,
+            pressure=PRESSURE["mono_kinetic"],
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         splitting: Splitting = (
@@ -52,9 +64,9 @@ class RhoEquation(RGridEquation):
         """As every r-grid equation's and, if they have, when characteristics crossed."""
         return super().counts() | self._crossing.counts()
 
-    def told(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """As every r-grid equation's, and that characteristics have crossed."""
-        return super().told() + of_crossing(self._crossing.time)
+        return super().warnings() + of_crossing(self._crossing.time)
 
 
 MODEL = RhoEquation

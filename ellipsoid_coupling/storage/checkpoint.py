@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import Arrays
-from ellipsoid_coupling.models import Model
+from ellipsoid_coupling.models import Model, kind_named
 from ellipsoid_coupling.stepping.step_control import CLOCK_COLUMNS, clock_fault
 
 Floats = NDArray[np.float64]
@@ -67,15 +67,15 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
         raise _unfit(where, f"fewer than {len(times)} snapshots", f"{sorted(snapshots)}")
     own = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
-    # Where there is pressure, the forces are not known: infinite.
+    # Under pressure the monitors know no bound of the forces and keep infinity.
     _require_alike(where, own, {_SECONDS: np.zeros(2), _FORCES: np.full(2, np.inf)})
     state = {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
     _require_alike(where, state, model.state())
     for snapshot in snapshots.values():
         _require_alike(where, snapshot, model.snapshot())
     count = len(snapshots)
-    # Grids go on from before a save time, see `stepping.step_control.Aside`.
-    reached = times[count - 1] if count and model.layout == "particles" else 0.0
+    # Grids continue from a time before the last save, see `stepping.step_control.Aside`.
+    reached = times[count - 1] if count and not kind_named(model.name).is_grid else 0.0
     for clock in (a for a in state.values() if a.shape[1:] == (CLOCK_COLUMNS,)):
         wrong = clock_fault(clock, reached, times[count])
         if wrong:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.models import Model
+from ellipsoid_coupling.models import Model, kind_named
 from ellipsoid_coupling.scenes import Scene
 
 Floats = NDArray[np.float64]
@@ -40,14 +40,15 @@ def shape_of(model: Model, scene: Scene) -> Shape:
     now = {name: np.asarray(values, np.float64) for name, values in model.snapshot().items()}
     domain = scene.domain
     ranges = (domain.x, domain.y)
-    if model.layout == "particles":
+    kind = kind_named(model.name)
+    if not kind.is_grid:
         marginals = [
             _of_particles(now[name].ravel(), *span) for name, span in zip("xy", ranges, strict=True)
         ]
         return Shape(np.array(marginals), _mean_axis(now["angle"], np.ones(now["angle"].shape)))
     density = now["density"]
     mass = density / density.sum() if density.sum() > 0.0 else density
-    if model.layout == "rho":
+    if kind.layout == "rho":
         angle = now["mean_angle"]
     else:
         angle = np.broadcast_to(model.coordinates()["angle"][:, None, None], density.shape)

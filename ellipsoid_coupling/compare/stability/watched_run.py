@@ -17,9 +17,16 @@ from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import Shape, shape_of
 from ellipsoid_coupling.compiled.jit import CompileTimer
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
+from ellipsoid_coupling.models import (
+    Model,
+    SchemeName,
+    Setup,
+    build_model,
+    kind_named,
+    model_terms,
+)
 from ellipsoid_coupling.monitors import Monitors
-from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.scenes import Scene
 
 Outcome = Literal["completed", "broken", "stopped", "refused", "not applicable"]
 
@@ -97,20 +104,21 @@ def _watched(
     case: Case, model: str, scheme: SchemeName, finer: Table | None, how: tuple[int, float]
 ) -> Run:
     try:
-        scene = case.scene(model, finer)
-        terms = terms_of(scene, model)
+        kind = kind_named(model)
+        scene = case.scene(kind, finer)
+        terms = model_terms(scene, model)
         flow = case.flow(scene)
         setup = Setup(scene, terms, scheme, flow, how[0], scene.particles.realisations)
         built = build_model(model, setup)
     except InputError as error:
         return Run("refused", str(error), None)
-    if case.background and built.layout != "particles":
+    if case.background and kind.is_grid:
         fields = built.state()["fields"].copy()
         fields[0] += case.background
         built.restore({"fields": fields})
     watch = _Watch(built, scene, terms.reflection)
     monitors = Monitors(model, setup, built)
-    most = round(how[1] * MOST_STEPS[built.layout])
+    most = round(how[1] * MOST_STEPS[kind.layout])
     outcome, reason = _advance(built, scene, (watch, monitors), most)
     exhausted = reason.startswith(_EXHAUSTED)
     shape = shape_of(built, scene)

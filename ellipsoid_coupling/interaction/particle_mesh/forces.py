@@ -106,6 +106,8 @@ class SampleInteraction:
         Nodes within the width D.
     harmonics : int
         M.
+    precision : float32 or float64
+        Of the transforms.
     spectra_bytes : float
         Of samples all over the rectangle; fewer where they are closer together.
 
@@ -135,14 +137,14 @@ class SampleInteraction:
         _require(series is not None, shape, tolerance)
         assert series is not None
         self.harmonics = series.harmonics
-        self._precision = precision_for(tolerance, h * h, shape.size, strength)
+        self.precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
-        kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL, _undo_splines)
+        kernel = AngularKernel(series, strength / h**2, self.precision, POTENTIAL, _undo_splines)
         ladder = Ladder((self.nodes.rows, self.nodes.columns), kernel.cells + _TAIL, kernel)
         rows, columns = ladder.longest
-        bytes_each = np.dtype(self._precision).itemsize
+        bytes_each = np.dtype(self.precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
-        self._convolve = Convolution(ladder, self._precision, POTENTIAL)
+        self._convolve = Convolution(ladder, self.precision, POTENTIAL)
         self._room = KeptArrays()
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
@@ -164,13 +166,13 @@ class SampleInteraction:
         functions = 2 * self.harmonics + 1
         sources = deposit(here, nodes, functions, 1.0 / slots.size, room)
         shape = *here.extent, round_up_to_vectors(functions)
-        potential: Real = room.array("potential", shape, self._precision)
+        potential: Real = room.array("potential", shape, self.precision)
 
         def take(part: slice, fields: Real) -> None:
             potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
             potential[part, :, functions:] = 0.0
 
-        self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
+        self._convolve(sources.shape, lambda part: sources[:, part].astype(self.precision), take)
         found = interpolate(here.samples, nodes, here.corner, potential, functions, room)
         add_to(force, found, weights, slots)
 

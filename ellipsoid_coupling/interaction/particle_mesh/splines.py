@@ -14,9 +14,10 @@ import numpy as np
 from ellipsoid_coupling.compiled.buffers import KeptArrays
 from ellipsoid_coupling.compiled.jit import for_each, inline_kernel, kernel, shares, view_kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.simd_sums import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.compiled.simd_sums import add_stencil, sum_stencil
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import Indices, Real
 from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.physics.bspline import spline_slopes, spline_weights
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 # Nodes about a point in each direction.
@@ -40,25 +41,6 @@ class Nodes(NamedTuple):
     inverse_h: float
     rows: int
     columns: int
-
-
-@inline_kernel
-def _spline_weights(t: float) -> Four:
-    """B at the four nodes about a point, t in [0, 1) after the second."""
-    s = 1.0 - t
-    return (
-        s * s * s / 6.0,
-        2.0 / 3.0 - t * t * (1.0 - 0.5 * t),
-        2.0 / 3.0 - s * s * (1.0 - 0.5 * s),
-        t * t * t / 6.0,
-    )
-
-
-@inline_kernel
-def _spline_slopes(t: float) -> Four:
-    """dB/dt at the same four."""
-    s = 1.0 - t
-    return -0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t
 
 
 @kernel
@@ -314,7 +296,7 @@ def _deposit(
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
             row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
-            along_y, along_x = _spline_weights(up), _spline_weights(across)
+            along_y, along_x = spline_weights(up), spline_weights(across)
             at = row - corner[0], column - corner[1]
             add_stencil(window, at, along_y, along_x, bases[i, 0])
 
@@ -386,8 +368,8 @@ def _interpolate_some(
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
             row, column, up, across = _place(some[i, 0], some[i, 1], nodes)
-            along_y = _spline_weights(up), _spline_slopes(up)
-            along_x = _spline_weights(across), _spline_slopes(across)
+            along_y = spline_weights(up), spline_slopes(up)
+            along_x = spline_weights(across), spline_slopes(across)
             # Counted from the corner in whole numbers: rounding in x and y could lead beyond it.
             at = row - corner[0], column - corner[1]
             x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])

@@ -13,7 +13,8 @@ from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.models.memory import require_memory
 
-_registered: dict[str, type[Model]] = {}
+# Models from outside of the package, by name; `register_model` checks and adds them.
+registered: dict[str, type[Model]] = {}
 
 
 @cache
@@ -27,7 +28,7 @@ def _own_models() -> tuple[type[Model], ...]:
 
 def _classes() -> dict[str, type[Model]]:
     own = {kind.name: model for model in _own_models() for kind in model.kinds}
-    return own | _registered
+    return own | registered
 
 
 def register_model(model: type[Model]) -> None:
@@ -53,7 +54,7 @@ def register_model(model: type[Model]) -> None:
     for kind in model.kinds:
         if _classes().get(kind.name, model) is not model:
             raise ValueError(f"the name {kind.name} belongs to another model")
-    _registered.update((kind.name, model) for kind in model.kinds)
+    registered.update((kind.name, model) for kind in model.kinds)
 
 
 def _class_named(name: str) -> type[Model]:

@@ -155,7 +155,7 @@ def run(
     keeping.check()
     numerics = scheme_named(scheme or before.scheme).name
     given = flow.wanted(scene, chosen)
-    folder = keeping.place(f"{chosen.name}-{name}-{numerics}")
+    folder = keeping.run_folder(f"{chosen.name}-{name}-{numerics}")
     with ProgressReporter("run") as report:
         result = simulate(
             chosen,
@@ -228,7 +228,7 @@ def compare(
 
 @app.command
 def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
-    """Run stiff and extreme cases with every model and scheme, and map what stays stable.
+    """Run stiff and extreme cases with every model and scheme, and map their stability.
 
     Leaves a table, a picture and the page that explains it; without --out in results/....
 
@@ -309,7 +309,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
 
 
 def _status_of(tokens: Sequence[str] | None) -> int:
-    """Run a command; its exit status, and in words what went wrong."""
+    """Run a command and return its exit status; errors are written as one message."""
     try:
         check_environment()
         app(tokens, exit_on_error=False, print_error=False)
@@ -321,7 +321,7 @@ def _status_of(tokens: Sequence[str] | None) -> int:
         tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
         return InputError.exit_status
     except BrokenPipeError:
-        # The reader of our output (head, less) has what it wanted; so the command has succeeded.
+        # The reader of the output (head, less) has closed it: no failure of the command.
         drop(sys.stdout)
     except (MemoryError, OSError) as error:
         tell(f"ellipsoid: {refusal(error)}\n")

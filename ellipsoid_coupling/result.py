@@ -1,4 +1,4 @@
-"""What a run gives: the saved times of one model on one scene, and how it went."""
+"""The result of a run: the saved times of one model on one scene, and the log of the run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
     "rho": ("density", "mean_angle", *_MOTION),
 }
 
-# What only some runs have: 1 for a particle that has left the flow's mesh, from then on.
+# A variable of some runs only: 1 for a particle that has left the flow's mesh, from then on.
 FROZEN = "frozen"
 MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN,), "q": (), "rho": ()}
 
@@ -103,7 +103,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What should be known of a run that was completed: sentences, none where all is well."""
+        """Warnings of a run that was completed, as sentences; none if all is well."""
         return str(self.attributes.get("warnings", "")).splitlines()
 
     def density(self, cells: int = 30) -> Floats:
@@ -276,9 +276,9 @@ class Result:
         self._check_attributes(where)
 
     def _check_attributes(self, where: str) -> None:
-        """InputError unless what the package itself shows or counts with is of its kind."""
-        told = {"model": self.model, "scheme": self.scheme, **self.attributes}
-        for name, value in told.items():
+        """InputError unless the attributes that the package shows or computes with have their type."""
+        attributes = {"model": self.model, "scheme": self.scheme, **self.attributes}
+        for name, value in attributes.items():
             is_text, is_number = isinstance(value, str), isinstance(value, int | float)
             if name in _TEXTS and not (is_text and shown(value) == value and len(value) < _LONGEST):
                 expected = f"text of at most {_LONGEST} printable characters"

@@ -1,4 +1,4 @@
-"""The only time loop: build a model on a scene, take it to each save time, keep what it was."""
+"""The only time loop: build a model on a scene, step it to each save time, and keep its snapshots."""
 
 from __future__ import annotations
 
@@ -115,28 +115,28 @@ def simulate(
         For a scene, model or flow that do not fit together, or a folder that may not be used;
         nothing has been written then.
     RunError
-        If the run failed; with a folder, what was reached stands in its result.nc with the status
+        If the run failed; with a folder, the save times that it reached are in result.nc with the status
         "failed: ...".
     Interrupted
-        After SIGTERM or SIGINT, or where it would take too long, with a folder only; its checkpoint
-        has been written.
+        With a folder only: after SIGTERM or SIGINT, or if the run would take too long; its checkpoint has
+        been written.
     """
-    place = RunFolder(folder) if isinstance(folder, Path) else folder
+    kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
     setup = _checked_setup(scene, model, scheme, seed, realisations)
-    if place is not None:
-        place.check()
-        place.check_same(*_identity(model, setup))
-    if not _names_flow(flow) and place is not None and place.keeps_flow:
-        field = run_flow(place.path, scene)
+    if kept_in is not None:
+        kept_in.check()
+        kept_in.check_same(*_identity(model, setup))
+    if not _names_flow(flow) and kept_in is not None and kept_in.keeps_flow:
+        field = run_flow(kept_in.path, scene)
     else:
         field = scene_flow(scene, flow, report)
-    return _Run(model, replace(setup, flow=field), place, report).go()
+    return _Run(model, replace(setup, flow=field), kept_in, report).go()
 
 
 def _checked_setup(
     scene: Scene, model: str, scheme: str, seed: int, realisations: int | None
 ) -> Setup:
-    """What is run, still without its flow; InputError for all that can be told wrong by then."""
+    """The setup, still without its flow; InputError for everything that can be refused without one."""
     setup = Setup(
         scene=scene,
         terms=model_terms(scene, model),
@@ -152,7 +152,7 @@ def _checked_setup(
 
 
 def _whole(name: str, value: int, least: int, most: int) -> int:
-    """`value`, if it is a whole number within its bounds; numpy's are taken, True is not."""
+    """`value`, if it is a whole number within its bounds, Python's or numpy's; True is none."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not least <= value <= most:
         expected = f"a whole number from {least} to {most:g}"
@@ -232,7 +232,7 @@ class _Run:
         return np.asarray(self.earlier + np.array([running, compiling]))
 
     def _keep(self, slow: str | None) -> None:
-        """A checkpoint where one is due or the run shall end here."""
+        """Write a checkpoint if one is due or the run must end here."""
         if self.folder is None:
             if slow:
                 raise RunError(f"{self._where()}: {slow}.")
@@ -266,7 +266,7 @@ class _Run:
     def _load_checkpoint(self, folder: RunFolder) -> None:
         arrays = folder.load()
         if arrays is None:
-            return  # ended before the first checkpoint: nothing to continue from but the start
+            return  # the run ended before its first checkpoint, and starts again
         where = str(folder.path / CHECKPOINT_FILE)
         times = self.setup.scene.times
         progress = checkpoint.unpack(arrays, self.model, times, where)
@@ -312,7 +312,7 @@ class _Run:
 
 
 def _finished(folder: RunFolder) -> Result | None:
-    """The result of a run that has come to its end; None while there is none, or a failed one."""
+    """The result of a completed run; None without a result, or for a failed run."""
     if not folder.result.exists():
         return None
     result = Result.load(folder.path)
@@ -320,9 +320,9 @@ def _finished(folder: RunFolder) -> Result | None:
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
-    """The variables of all snapshots, which are emptied: both at once would take twice the memory."""
+    """The variables of all snapshots, which are emptied to save memory."""
     names = tuple(snapshots[0])
     if len(snapshots) == 1:
-        # As it is: to copy large fields takes as long as a step.
+        # No copy: copying large fields takes as long as a step.
         return {name: snapshots[0][name][None][:count] for name in names}
     return {name: np.stack([s.pop(name) for s in snapshots])[:count] for name in names}

@@ -1,4 +1,4 @@
-"""How far results are apart, what they cost, and where the schemes stay stable."""
+"""Distances between results, their cost, and the stability of the schemes."""
 
 from ellipsoid_coupling.compare.cheapest import Choice, choose, pareto_front
 from ellipsoid_coupling.compare.distances import Errors, errors_against, sampling_errors

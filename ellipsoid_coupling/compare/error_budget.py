@@ -220,7 +220,7 @@ def total_error(run: Bins, reference: Bins) -> Errors:
 
 
 def sampling_error(pool: Bins, samples: int) -> Errors:
-    """E |B - E B| of a run with so many samples, by bootstrap over the groups of `pool`.
+    """E |B - E B| of a run with this number of samples, by bootstrap over the groups of `pool`.
 
     A run smaller than one group is estimated from one group by the law 1/sqrt(samples). The pool's finite
     number K of groups makes the draws' spread too small by sqrt(1 - 1/K), which is put right.
@@ -228,7 +228,7 @@ def sampling_error(pool: Bins, samples: int) -> Errors:
     Raises
     ------
     ValueError
-        For a pool of fewer than two groups: nothing tells its spread.
+        For a pool of fewer than two groups, whose spread is unknown.
     """
     count = pool.density.shape[0]
     if count < 2:

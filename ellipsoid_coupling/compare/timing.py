@@ -17,9 +17,9 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.simulation import Report, simulate
 
 REPEATS = 3
-# Longer runs are timed once: what disturbs them is a small part of them.
+# Longer runs are timed once, because disturbances are a small part of them.
 _SHORT = 2.0
-# A run is stopped when it takes so many times what it was allowed.
+# A run is stopped when it takes this many times the seconds that it may take.
 _PATIENCE = 1.5
 # Part of the first save time that a warm-up runs to.
 _WARM_UP = 1e-3

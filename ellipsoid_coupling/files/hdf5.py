@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 # A result has some 10 variables and 30 attributes; the scene's text is the longest of these.
 _MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 200, 4, 1000
 _MOST_MESSAGES = 1000
-# Bytes that may be read besides arrays, and what every read counts on top.
+# Bytes that may be read besides arrays, and the bytes added for each read.
 _MOST_READ, _EACH_READ = 20_000_000, 100
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -48,7 +48,7 @@ _ELSEWHERE = "in pieces, packed, or in another file"
 
 
 def _number_types() -> dict[bytes, np.dtype[Any]]:
-    """What describes each plain number, less its version."""
+    """The description of each plain number in a file, without its version."""
     floats = {
         4: struct.pack("<HHBBBBI", 0, 32, 23, 8, 0, 23, 127),
         8: struct.pack("<HHBBBBI", 0, 64, 52, 11, 0, 52, 1023),
@@ -143,7 +143,7 @@ class Reader:
         return data
 
     def _block(self, at: int, mark: bytes, count: int) -> bytes:
-        """As `_read`, of what begins with this mark and its version, 0."""
+        """As `_read`, for a block that begins with this mark and version 0."""
         data = self._read(at, count)
         if not data.startswith(mark):
             raise ValueError(_DAMAGED)
@@ -171,14 +171,14 @@ class Reader:
         return found
 
     def _links(self) -> Iterator[tuple[str, int]]:
-        """Names and places of what the root holds."""
+        """Names and addresses of the objects in the root group."""
         dense = self._dense(_LINKS, 5)
         own = (message.data for message in self._root if message.kind == _LINK)
         for data in chain(own, dense):
             yield _link(data)
 
     def _dense(self, kind: int, tree_type: int) -> Iterator[bytes]:
-        """What lies in the root's heap of this kind, links (5) or attributes (8)."""
+        """The objects in the root's heap of this kind, links (5) or attributes (8)."""
         for message in self._root:
             if message.kind == kind:
                 counted = (8 if kind == _LINKS else 2) if message.data[1] & 1 else 0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _EXPECTED = "a result file"
 _REMEDY = "Give a result.nc that this package wrote."
 
-# Names other programs need; what they hold is not read.
+# Attributes that other programs need; they are not read.
 _NOT_READ = ("_NCProperties", "_nc3_strict")
 
 

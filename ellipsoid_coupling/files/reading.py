@@ -36,7 +36,7 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 _PIECE = 1 << 20
-# gzip writes one part; each one more costs a copy of what follows it.
+# gzip writes one part; each further part costs a copy of the rest.
 _MOST_GZIP_PARTS = 16
 _REASONS = {
     errno.ENOENT: "no such file",
@@ -50,7 +50,7 @@ _DAMAGED = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError, LookupError,
     struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
-# What stands before each entry of an archive's list, and how numpy packs.
+# The mark before each entry of an archive's list, and numpy's way of packing.
 _ENTRY = b"PK\x01\x02"
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 # The header of an .npy of numbers or text: magic, version 1.0, length, one literal, blanks.
@@ -61,7 +61,7 @@ _HEADER = re.compile(
 
 
 def exists(path: Path) -> bool:
-    """Whether anything is there, a broken link included; False for what is no path at all."""
+    """Whether anything is there, a broken link included; False for a text that cannot be a path."""
     try:
         path.lstat()
     except (OSError, ValueError):
@@ -70,12 +70,12 @@ def exists(path: Path) -> bool:
 
 
 def is_ordinary(path: Path) -> bool:
-    """Whether `path` is an ordinary file, links followed; False for what is no path at all."""
+    """Whether `path` is an ordinary file, links followed; False for a text that cannot be a path."""
     return _mode(path, stat.S_ISREG)
 
 
 def is_folder(path: Path) -> bool:
-    """Whether `path` is a folder, links followed; False for what is no path at all."""
+    """Whether `path` is a folder, links followed; False for a text that cannot be a path."""
     return _mode(path, stat.S_ISDIR)
 
 
@@ -92,8 +92,8 @@ def open_ordinary(path: Path, expected: str, most: int) -> Iterator[BinaryIO]:
 
     Parameters
     ----------
-    path : what the user named
-    expected : what it should be, for the message: "a scene file"
+    path : the user's path
+    expected : the expected kind of file, for the message: "a scene file"
 
     Raises InputError for anything else: missing, a folder, a pipe, a device, too large, unreadable;
     and for an error of the system while it is read.
@@ -164,7 +164,7 @@ def read_text(path: Path, expected: str, most: int) -> str:
 
 
 def unpack(data: bytes, path: Path, expected: str, most: int) -> bytes:
-    """What a gzip file holds, of at most `most` bytes; InputError for a damaged or larger one."""
+    """The contents of a gzip file, at most `most` bytes; InputError for a damaged or larger one."""
     unpacked = unpack_beginning(data, path, expected, most + 1)
     if len(unpacked) > most:
         raise InputError(
@@ -175,7 +175,7 @@ def unpack(data: bytes, path: Path, expected: str, most: int) -> bytes:
 
 
 def unpack_beginning(data: bytes, path: Path, expected: str, size: int) -> bytes:
-    """The first `size` bytes, or all, of what a gzip file holds; no more than that is unpacked."""
+    """The first `size` bytes of a gzip file's contents, or all; no more than that is unpacked."""
     parts, left = [], size
     for _ in range(_MOST_GZIP_PARTS):
         try:

@@ -1,4 +1,4 @@
-"""The stability map for people: a page with the picture, a summary, and what did not complete."""
+"""The stability map as a page: the picture, a summary, and the runs that did not complete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a checkpoint holds: the model's state, the snapshots so far, seconds, what monitors have seen."""
+"""The contents of a checkpoint: the model's state, snapshots so far, seconds, and the monitors' bounds."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _STATE, _SNAPSHOT, _SECONDS, _FORCES = "state.", "snapshot.", "seconds", "forces
 
 
 class Progress(NamedTuple):
-    """What a run knows besides its model's state.
+    """The state of a run besides its model's.
 
     Attributes
     ----------
     snapshots : list of dict
-        Those of the save times that lie behind.
+        One for each save time that the run has passed.
     seconds : (2,) float64
         Of running and of compiling.
     forces : (float, float)
@@ -37,7 +37,7 @@ class Progress(NamedTuple):
 
 
 def pack(model: Model, progress: Progress) -> Arrays:
-    """All that a run needs to go on, as named arrays."""
+    """All that a run needs to continue, as named arrays."""
     arrays: Arrays = {_SECONDS: progress.seconds, _FORCES: np.array(progress.forces)}
     arrays |= {_STATE + name: array for name, array in model.state().items()}
     for i, snapshot in enumerate(progress.snapshots):
@@ -60,8 +60,8 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     Raises
     ------
     InputError
-        If names, shapes, kinds of numbers or times are not those of this model on this scene, or
-        numbers are none that a run can have: compiled loops trust what they go on from.
+        If names, shapes, dtypes or times are not those of this model on this scene, or if a run cannot
+        have such numbers. Compiled loops check none of this.
     """
     snapshots = _numbered(arrays)
     if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
@@ -89,16 +89,16 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:
     """The snapshots, by number and name."""
-    found: dict[int, Arrays] = {}
+    snapshots: dict[int, Arrays] = {}
     for key, array in arrays.items():
         number, _, name = key.removeprefix(_SNAPSHOT).partition(".")
         if key.startswith(_SNAPSHOT) and number.isdecimal() and len(number) < 10:
-            found.setdefault(int(number), {})[name] = array
-    return found
+            snapshots.setdefault(int(number), {})[name] = array
+    return snapshots
 
 
 def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
-    """The same names, shapes and kinds of numbers, finite wherever a run's start is."""
+    """The same names, shapes and dtypes, and finite wherever a run's start is finite."""
     if found.keys() != expected.keys():
         raise _unfit(where, f"arrays {', '.join(expected)}", ", ".join(found) or "none")
     for name, array in expected.items():

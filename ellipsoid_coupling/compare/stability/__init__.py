@@ -1,4 +1,4 @@
-"""A map of stability: stiff and extreme cases, every model and scheme, what held and what did not."""
+"""A map of stability: which models and schemes hold in stiff and extreme cases."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _PLACES = 480
 
 @dataclass(frozen=True)
 class Shape:
-    """What is compared: marginal distribution functions in x and y (2, places), and <e^{2 i theta}>."""
+    """Marginal distribution functions in x and y (2, places), and <e^{2 i theta}>, to be compared."""
 
     marginals: Floats
     axis: complex

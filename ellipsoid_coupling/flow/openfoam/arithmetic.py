@@ -41,7 +41,7 @@ _MOST_SIGNS = 200
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, in words."""
+    """A fault in an expression, with its message."""
 
 
 @dataclass(frozen=True)

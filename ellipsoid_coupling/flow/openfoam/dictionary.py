@@ -40,7 +40,7 @@ _UNITS = ("kg", "m", "s", "K", "mol", "A", "cd")
 _LONGEST_UNITS = 100
 # A solver's entries are a dozen, with one value each; copies of more would multiply a file.
 _MOST_COPIED = 100
-# Of a string, so many characters count as one part.
+# This many characters of a string count as one part.
 _TEXT_PART = 10
 _WIDTH = {"List<scalar>": 1, "List<vector>": 3}
 _IN_A_LIST = frozenset("0123456789+-.eE() \t\r\n")
@@ -54,7 +54,7 @@ class Word(NamedTuple):
 
 
 class Text(NamedTuple):
-    """What stands between double quotes."""
+    """The text between double quotes."""
 
     text: str
     at: int
@@ -169,7 +169,7 @@ class _Parser:
             self._copy(section)
             return
         name, _ = self._scan.word()
-        # What came by ``$name;`` stands before the section, and another entry may replace it.
+        # Entries from ``$name;`` stand before the section, and another entry may replace them.
         if section.places.get(name, -1) >= section.at:
             self._scan.refuse(start, f"a second entry {name}")
         value = self._section(name) if self._scan.peek() == "{" else self._values()
@@ -212,7 +212,7 @@ class _Parser:
             self._scan.odd()
         at, self._scan.at = self._scan.at, found.end()
         for name, number in self._parameters().items():
-            # For OpenFOAM the inclusion would count, and not what stands before.
+            # For OpenFOAM the included entry would count, and not the one before it.
             if name in section.entries:
                 self._scan.refuse(at, f"a second entry {name}")
             section.included[name] = Number(number.value, at)
@@ -387,7 +387,7 @@ def _size(value: Value) -> int:
 
 
 def word_of(section: Section, key: str) -> str:
-    """An entry of one word or string; empty where there is none such."""
+    """An entry of one word or string; empty without such an entry."""
     value = section.entries.get(key)
     single = value[0] if isinstance(value, tuple) and len(value) == 1 else None
     return single.text if isinstance(single, (Word, Text)) else ""

@@ -43,7 +43,7 @@ def skip_entry(file: FoamFile, key: Token) -> int:
 
 
 def _following(file: FoamFile, at: int, key: Token) -> Token:
-    """The token at byte `at` of the entry `key`; its line is counted only where it is told."""
+    """The token at byte `at` of the entry `key`; its line is counted only for a message."""
     token = token_at(file.data, at)
     if token is None or token.kind == "odd":
         line = line_of(file.data, key.start)

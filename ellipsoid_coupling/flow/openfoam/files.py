@@ -52,13 +52,13 @@ _ENTRY = {
     1: re.compile(_NUMBER + rb"(?=[\s);}])"),
     3: re.compile(rb"\(\s*" + rb"\s+".join([_NUMBER] * 3) + rb"\s*\)"),
 }
-# So many entries are taken at once: their text is small beside the file.
+# Entries that are read at once: their text is small compared with the file.
 _BATCH = {
     width: re.compile(rb"(?:\s*" + entry.pattern + rb"){1,1000}") for width, entry in _ENTRY.items()
 }
 _FACES = re.compile(rb"(?:\s*\d{1,9}\s*\((?:\s*\d{1,9}(?=[\s)])){0,1000}\s*\)){1,1000}")
 _COUNT = re.compile(rb"\d{1,18}(?![\w.])")
-# What an entry of a list takes at most, in ascii with all digits, and what else a file has.
+# The most bytes of a list's entry, in ascii with all digits, and of the rest of a file.
 _ENTRY_BYTES = {"vectorField": 100, "labelList": 24, "faceList": 400, "faceCompactList": 400}
 _BEGINNING = 65_536
 _ARCH = re.compile(r'"?LSB;label=(32|64);scalar=(32|64)"?')
@@ -69,7 +69,7 @@ _SPARE_PARENTHESES = bytes.maketrans(b"()", b"  ")
 class FoamFile:
     """A file, unpacked, behind its header.
 
-    path : what it is called in messages
+    path : its name in messages
     data : all of it; start : the first byte behind the header
     kind : the header's class
     binary, label, scalar : how its numbers are stored
@@ -120,7 +120,7 @@ def packed(path: Path) -> Path | None:
 def open_file(path: Path, *kinds: str, most: int | None = None) -> FoamFile:
     """A file whose class is one of `kinds`; InputError for a missing, broken or other one.
 
-    most : bytes, unpacked; without it what the number of entries behind the header needs
+    most : bytes, unpacked; by default those that the number of entries in the header needs
     """
     expected = f"an OpenFOAM file {path.name}"
     there = packed(path)

@@ -11,7 +11,7 @@ from ellipsoid_coupling.flow.openfoam.case import Mesh, read_mesh, write_mesh
 from ellipsoid_coupling.flow.openfoam.rules import PATCH_NAME
 from ellipsoid_coupling.flow.openfoam.times import Places
 
-# Pairs of patches would need what else a mesh says of them.
+# Pairs of patches would need further entries of the mesh.
 _ALONE = tuple(kind for kind in PATCH_TYPES if kind != "cyclic")
 
 

@@ -1,6 +1,6 @@
 """One walk over the text of an OpenFOAM dictionary: blanks, comments, words, numbers and strings.
 
-OpenFOAM's own grammar is much larger. What is not read here is refused with file and line.
+OpenFOAM's own grammar is much larger. Everything else is refused with file and line.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Scanner:
         self.source, self.text, self.at = source, source.text, 0
 
     def skip(self) -> int:
-        """Go to what is neither blank nor comment."""
+        """Go past blanks and comments."""
         start = self.at
         while True:
             found = _SPACE.match(self.text, self.at)
@@ -73,7 +73,7 @@ class Scanner:
         raise self.source.error(at, "plain words, numbers, lists and dictionaries", found)
 
     def odd(self) -> NoReturn:
-        """Refuse what stands here, by the name that its reader knows it by."""
+        """Refuse the text at this byte, under the name that its reader gives it."""
         rest = self.text[self.at : self.at + 40]
         directive = _DIRECTIVE.match(rest)
         if not rest:

@@ -48,7 +48,7 @@ def scratch_folder(target: Path) -> Iterator[Path]:
 
 
 def move_to(folder: Path, target: Path) -> None:
-    """Move a scratch folder to its place, whole or not at all; keep what somebody else put there."""
+    """Move a scratch folder to its target, completely or not at all; a folder already there stays."""
     with contextlib.suppress(OSError):
         folder.rename(target)
         return

@@ -57,7 +57,7 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
         raise _no_velocity(case, times, wanted)
     time = solved[-1] if wanted is None else wanted
     only_start = len(solved) == 1 and float(time) <= 0.0
-    # What a run began with is no solution.
+    # The fields at the start of a run are no solution.
     counted = solved[1:] if float(solved[0]) <= 0.0 and len(solved) > 1 else solved
     note = f"time {time}"
     if only_start:

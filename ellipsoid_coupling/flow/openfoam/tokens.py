@@ -36,7 +36,7 @@ _WORD = re.compile(rb"[^\s{}()\[\]\"'/;#$\\\x00-\x20][^\s{}()\[\]\"'/;#\\\x00-\x
 _IN_STRING = re.compile(rb"[\"\\]")
 _OPENING = re.compile(rb"[\"/#]")
 _MARKS = b"{}()[];"
-# A comment's place is kept, so that what follows stays in its line and at its byte.
+# Comments become blanks, so that the rest keeps its lines and bytes.
 _BLANKS = bytes(10 if byte == 10 else 32 for byte in range(256))
 
 
@@ -113,7 +113,7 @@ def line_of(data: bytes, at: int) -> int:
 
 
 def _kind_at(data: bytes, start: int) -> tuple[Kind, int]:
-    """What begins at byte `start`, and the byte behind it."""
+    """The token that begins at byte `start`, and the byte behind it."""
     first = data[start : start + 1]
     if first in _MARKS:
         return "mark", start + 1

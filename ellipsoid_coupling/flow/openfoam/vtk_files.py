@@ -47,7 +47,7 @@ _BLANK = re.compile(rb"\s")
 _BLANKS = b" \t\r\n"
 # foamToVTK writes some dozen tags of less than 200 bytes, and little text that is in no array.
 _MOST_TAGS, _LONGEST_TAG, _OTHER_TEXT = 2_000, 4_096, 1_000_000
-# A number in ascii with a blank, and what may stand around those of an array.
+# Bytes of a number in ascii with a blank, and of the text around those of an array.
 _NUMBER_BYTES, _AROUND = 32, 1_000
 _PIECE = 1 << 20
 
@@ -222,10 +222,10 @@ def _decode(piece: _Piece, place: str, element: ElementTree.Element, count: int)
         raw = base64.b64decode(text.translate(None, _BLANKS), validate=True)
     except (binascii.Error, ValueError) as error:
         raise piece.error(place, "base64", str(error)) from None
-    told = int.from_bytes(raw[: piece.header], "little")
-    if told != len(raw) - piece.header or told % size:
+    stated = int.from_bytes(raw[: piece.header], "little")
+    if stated != len(raw) - piece.header or stated % size:
         found = f"{len(raw) - piece.header}"
-        raise piece.error(place, f"{told} bytes, as its header says", found)
+        raise piece.error(place, f"{stated} bytes, as its header says", found)
     return np.frombuffer(raw, kind, offset=piece.header)
 
 

@@ -1,4 +1,4 @@
-"""Density panels: one row a model, one column a time, one colour scale for what is compared."""
+"""Density panels: one row a model, one column a time, one colour scale for all of them."""
 
 from __future__ import annotations
 
@@ -153,8 +153,8 @@ def _draw_panels(
         if index.size:
             found.append((row, row.density[index[0]], axes))
         else:
-            told = "not reached" if np.isclose(row.asked, time).any() else "not saved"
-            axes.text(0.5, 0.5, told, ha="center", va="center", transform=axes.transAxes)
+            text = "not reached" if np.isclose(row.asked, time).any() else "not saved"
+            axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
     calm = [density for row, density, _ in found if not row.noisy]
     top = maximum or common_maximum(calm or [density for _, density, _ in found])
     return [

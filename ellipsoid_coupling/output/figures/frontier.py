@@ -1,4 +1,4 @@
-"""Error against run time: what each model and scheme gives for its cost."""
+"""Error against run time, for every model and scheme."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from ellipsoid_coupling.output.figures.canvas import new_figure, require, save_figure, styled
 from ellipsoid_coupling.output.labels import model_name
 
-# Inch: a entry, the names of the cases beside it, and what stands above and below.
+# Inch: an entry, the names of the cases beside it, and the titles above and the legend below.
 _WIDTH, _HEIGHT = 0.47, 0.185
 _NAMES, _HEAD, _LEGEND, _RIM = 2.5, 1.2, 0.75, 0.5
 _LETTERS = 6.5
@@ -33,12 +33,12 @@ class MapEntry(Protocol):
 
     @property
     def family(self) -> str:
-        """What was varied."""
+        """The varied quantity."""
         ...
 
     @property
     def case(self) -> str:
-        """What was varied, and to what."""
+        """The varied quantity and its value."""
         ...
 
     @property

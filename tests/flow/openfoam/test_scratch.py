@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.openfoam import programs, scratch, solve
+from ellipsoid_coupling.flow.openfoam import programs, scratch, solve, solved_cases
 from ellipsoid_coupling.flow.openfoam.scratch import cleaned_up, move_to, scratch_folder
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, is_solved, solved_folder

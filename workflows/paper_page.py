@@ -90,10 +90,10 @@ class Page:
 
     def tell_run(self, result: Result) -> None:
         """A finished run: what it was and what it took."""
-        told = result.attributes
+        attributes = result.attributes
         crossing = (
-            f", characteristics crossed at {told['crossing_time']:.3g}"
-            if "crossing_time" in told
+            f", characteristics crossed at {attributes['crossing_time']:.3g}"
+            if "crossing_time" in attributes
             else ""
         )
         self.runs.append(
@@ -101,9 +101,9 @@ class Page:
                 result.scene.name,
                 result.model,
                 result.scheme,
-                str(told["resolution"]),
-                f"{told['wall_seconds']:.1f}",
-                f"{told['steps']:.0f} steps{crossing}",
+                str(attributes["resolution"]),
+                f"{attributes['wall_seconds']:.1f}",
+                f"{attributes['steps']:.0f} steps{crossing}",
             )
         )
 

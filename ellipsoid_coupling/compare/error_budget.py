@@ -135,8 +135,8 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
         for t in range(times):
             gone = None if frozen is None else frozen[t, k]
             ranges = domain.x, domain.y, DENSITY_CELLS
-            found = particle_density(x[t, k], y[t, k], *ranges, gone)
-            density[k, t] = found.ravel() * area
+            cells = particle_density(x[t, k], y[t, k], *ranges, gone)
+            density[k, t] = cells.ravel() * area
             turned = angle[t, k] + 0.5 * width  # as in `centred_angles`
             angles[k, t] = particle_angles(turned, ANGLE_BINS, gone) * width
     return Bins(density, angles, size)
@@ -157,9 +157,9 @@ def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: int = ORDER) -> B
     weight = 1.0 / (ratio**order - 1.0)
 
     def further(near: Floats, far: Floats) -> Floats:
-        found = np.maximum(near + weight * (near - far), 0.0)
-        mass, target = found.sum(axis=-1, keepdims=True), near.sum(axis=-1, keepdims=True)
-        return np.asarray(found * target / np.maximum(mass, 1e-300))
+        refined = np.maximum(near + weight * (near - far), 0.0)
+        mass, target = refined.sum(axis=-1, keepdims=True), near.sum(axis=-1, keepdims=True)
+        return np.asarray(refined * target / np.maximum(mass, 1e-300))
 
     return Bins(further(fine.density, coarse.density), further(fine.angle, coarse.angle), 0)
 
@@ -173,11 +173,11 @@ def remaining_distance(fine: Bins, middle: Bins, coarse: Bins | None) -> Errors:
     if coarse is None:
         return last
     before = distance(middle, coarse)[0]
-    found = []
+    distances = []
     for d, d_before in ((last.density, before.density), (last.angle, before.angle)):
         ratio = np.minimum(d / np.maximum(d_before, 1e-300), 1.0 - 1e-3)
-        found.append(np.minimum(d * np.maximum(1.0, ratio / (1.0 - ratio)), _NO_OVERLAP))
-    return Errors(*found)
+        distances.append(np.minimum(d * np.maximum(1.0, ratio / (1.0 - ratio)), _NO_OVERLAP))
+    return Errors(*distances)
 
 
 def expected_l1(differences: Floats) -> Estimate:
@@ -237,8 +237,8 @@ def sampling_error(pool: Bins, samples: int) -> Errors:
     generator = np.random.default_rng(0)
     chosen = generator.multinomial(groups, np.full(count, 1.0 / count), size=_DRAWS) / groups
     scale = np.sqrt(groups * pool.samples / samples * count / (count - 1.0))
-    found = []
+    errors = []
     for values in (pool.density, pool.angle):
         draws = np.tensordot(chosen, values, axes=1) - values.mean(axis=0)
-        found.append(scale * np.abs(draws).sum(axis=-1).mean(axis=0))
-    return Errors(*found)
+        errors.append(scale * np.abs(draws).sum(axis=-1).mean(axis=0))
+    return Errors(*errors)

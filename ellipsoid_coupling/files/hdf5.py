@@ -80,12 +80,12 @@ class Variable(NamedTuple):
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    place: int | None
+    address: int | None
 
     @property
     def length(self) -> int:
         """The bytes that it takes from the file."""
-        return 0 if self.place is None else math.prod(self.shape) * self.dtype.itemsize
+        return 0 if self.address is None else math.prod(self.shape) * self.dtype.itemsize
 
 
 class Reader:
@@ -101,21 +101,21 @@ class Reader:
 
     def variables(self) -> dict[str, Variable]:
         """The root's arrays."""
-        found = dict[str, Variable]()
-        for name, place in self._links():
-            if len(found) == _MOST_OBJECTS:
+        variables = dict[str, Variable]()
+        for name, address in self._links():
+            if len(variables) == _MOST_OBJECTS:
                 raise ValueError(f"more than {_MOST_OBJECTS} variables")
-            if name in found:
+            if name in variables:
                 raise ValueError(f"two variables {name}")
-            found[name] = self._variable(name, place)
-        return found
+            variables[name] = self._variable(name, address)
+        return variables
 
     def numbers(self, variable: Variable) -> NDArray[Any]:
         """An array's numbers."""
         values = np.zeros(variable.shape, variable.dtype)
         raw, done = values.reshape(-1).view(np.uint8).data, 0
-        while done < variable.length and variable.place is not None:
-            read = os.preadv(self._handle, [raw[done:]], variable.place + done)
+        while done < variable.length and variable.address is not None:
+            read = os.preadv(self._handle, [raw[done:]], variable.address + done)
             if not read:
                 raise ValueError("a file that has become shorter")
             done += read
@@ -158,17 +158,17 @@ class Reader:
         start = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
         width = 1 << (flags & 3)
         length = _whole(self._read(start, width))
-        pieces, found = [self._read(start + width, length)], list[Message]()
+        pieces, messages = [self._read(start + width, length)], list[Message]()
         while pieces:
             for message in _messages(pieces.pop(), 6 if flags & 4 else 4):
                 if message.kind == _NEXT:
-                    place, size = struct.unpack_from("<QQ", message.data)
-                    pieces.append(self._block(place, b"OCHK", size)[4:-4])
+                    address, size = struct.unpack_from("<QQ", message.data)
+                    pieces.append(self._block(address, b"OCHK", size)[4:-4])
                 else:
-                    found.append(message)
-                if len(found) > _MOST_MESSAGES:
+                    messages.append(message)
+                if len(messages) > _MOST_MESSAGES:
                     raise ValueError(f"more than {_MOST_MESSAGES} parts of one variable")
-        return found
+        return messages
 
     def _links(self) -> Iterator[tuple[str, int]]:
         """Names and addresses of the objects in the root group."""
@@ -213,9 +213,9 @@ class Reader:
             size = first << max(row - 1, 0)
             if at < start + width * size:
                 column = (at - start) // size
-                place = root + 13 + offset + 8 * (row * width + column)
+                address = root + 13 + offset + 8 * (row * width + column)
                 self._block(root, b"FHIB\x00", 5)
-                return _whole(self._read(place, 8)) + at - start - column * size
+                return _whole(self._read(address, 8)) + at - start - column * size
             start += width * size
         raise ValueError(_DAMAGED)
 
@@ -238,8 +238,8 @@ class Reader:
                 (_whole(behind[k : k + 8]), _whole(behind[k + 8 : k + 8 + width]))
                 for k in range(0, len(behind), 8 + width)
             ]
-        for place, count in leaves:
-            data = self._block(place, b"BTLF\x00", 6 + count * size)[6:]
+        for address, count in leaves:
+            data = self._block(address, b"BTLF\x00", 6 + count * size)[6:]
             yield from (data[k * size : (k + 1) * size] for k in range(count))
 
     def _variable(self, name: str, at: int) -> Variable:
@@ -259,13 +259,15 @@ class Reader:
             return Variable(shape, dtype, None)
         if layout[0] not in (3, 4) or layout[1] != 1:
             raise ValueError(f"{name} {_ELSEWHERE}")
-        place, stored = struct.unpack_from("<QQ", layout, 2)
-        found = Variable(shape, dtype, None if place == _NOWHERE else place)
-        if found.place is None and len(shape) > 1 and math.prod(shape) > 0:
+        address, stored = struct.unpack_from("<QQ", layout, 2)
+        variable = Variable(shape, dtype, None if address == _NOWHERE else address)
+        if variable.address is None and len(shape) > 1 and math.prod(shape) > 0:
             raise ValueError(f"{name} of shape {shape} without numbers")
-        if found.place is not None and (stored != found.length or place + stored > self._size):
-            raise ValueError(f"{name} of shape {shape} in {stored} bytes, from byte {place} on")
-        return found
+        if variable.address is not None and (
+            stored != variable.length or address + stored > self._size
+        ):
+            raise ValueError(f"{name} of shape {shape} in {stored} bytes, from byte {address} on")
+        return variable
 
     def _values(
         self, name: str, kind: bytes, shape: tuple[int, ...] | None, data: bytes
@@ -327,10 +329,10 @@ def _messages(data: bytes, lead: int) -> Iterator[Message]:
 
 
 def _only(header: list[Message], kind: int) -> bytes:
-    found = [message.data for message in header if message.kind == kind]
-    if len(found) != 1:
+    contents = [message.data for message in header if message.kind == kind]
+    if len(contents) != 1:
         raise ValueError(_DAMAGED)
-    return found[0]
+    return contents[0]
 
 
 def _name(raw: bytes) -> str:
@@ -341,7 +343,7 @@ def _name(raw: bytes) -> str:
 
 
 def _link(data: bytes) -> tuple[str, int]:
-    """The name and the place of a link."""
+    """The name and the address of a link."""
     flags, at = data[1], 2
     kind, at = (data[at], at + 1) if flags & 8 else (0, at)
     at += (8 if flags & 4 else 0) + (1 if flags & 16 else 0)

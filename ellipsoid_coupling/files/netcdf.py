@@ -95,25 +95,27 @@ def read_netcdf(path: Path) -> Stored:
 
 def _read_objects(opened: Reader, size: int) -> tuple[dict[str, int], dict[str, NDArray[Any]]]:
     """Every array of the file; all are looked at before the first is read."""
-    found = opened.variables()
-    needed = sum(variable.length for variable in found.values())
+    variables = opened.variables()
+    needed = sum(variable.length for variable in variables.values())
     if needed > size:
         raise ValueError(f"{needed} bytes of numbers in a file of {size} bytes")
-    sizes = {name: v.shape[0] for name, v in found.items() if len(v.shape) == 1}
+    sizes = {name: v.shape[0] for name, v in variables.items() if len(v.shape) == 1}
     # A dimension without a coordinate has no numbers.
-    held = {name: v for name, v in found.items() if v.place is not None or not math.prod(v.shape)}
-    return sizes, {name: opened.numbers(variable) for name, variable in held.items()}
+    with_numbers = {
+        name: v for name, v in variables.items() if v.address is not None or not math.prod(v.shape)
+    }
+    return sizes, {name: opened.numbers(variable) for name, variable in with_numbers.items()}
 
 
 def _attributes(opened: Reader) -> dict[str, Any]:
     """Each as Python's own: one of a single value is that value, more are a list."""
-    found = dict[str, Any]()
+    attributes = dict[str, Any]()
     for name, values in opened.attributes(_NOT_READ):
-        if name in found:
+        if name in attributes:
             raise ValueError(f"two attributes {name}")
         _check_texts(name, values)
-        found[name] = values[0] if len(values) == 1 else values
-    return found
+        attributes[name] = values[0] if len(values) == 1 else values
+    return attributes
 
 
 def _check_texts(name: str, values: list[Any]) -> None:

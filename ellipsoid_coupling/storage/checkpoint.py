@@ -108,8 +108,8 @@ def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
             raise _unfit(where, wanted, f"{other.dtype} {other.shape}")
         wrong = ~np.isfinite(other) & np.isfinite(array)
         if wrong.any():
-            place = [int(i) for i in np.argwhere(wrong)[0]]
-            raise _unfit(where, f"a finite number at {name}{place}", f"{other[tuple(place)]}")
+            index = [int(i) for i in np.argwhere(wrong)[0]]
+            raise _unfit(where, f"a finite number at {name}{index}", f"{other[tuple(index)]}")
 
 
 def _unfit(where: str, expected: str, found: str) -> InputError:

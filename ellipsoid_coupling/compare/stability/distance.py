@@ -80,5 +80,5 @@ def _of_cells(mass: Floats) -> Floats:
 
 def distances(one: Shape, other: Shape, *, turns: bool) -> tuple[float, float]:
     """Place and angle, as the module defines them; circles have no angle."""
-    place = float(np.abs(one.marginals - other.marginals).mean(axis=1).max())
-    return place, abs(one.axis - other.axis) if turns else 0.0
+    away = float(np.abs(one.marginals - other.marginals).mean(axis=1).max())
+    return away, abs(one.axis - other.axis) if turns else 0.0

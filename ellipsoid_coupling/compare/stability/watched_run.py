@@ -70,8 +70,8 @@ class _Watch:
             self.least = float(np.fmin(self.least, np.min(now["density"].astype(np.float64))))
         elif self._reflecting:
             for (low, high), name in self._ranges:
-                place = np.asarray(now[name], np.float64)
-                beyond = np.maximum(low - place, place - high).max(initial=0.0)
+                coordinate = np.asarray(now[name], np.float64)
+                beyond = np.maximum(low - coordinate, coordinate - high).max(initial=0.0)
                 self.outside = float(max(self.outside, beyond))
 
     def broken(self) -> str:

@@ -188,15 +188,15 @@ def _start(folder: str, command: list[str]) -> int:
 
 def _descendants() -> list[int]:
     """Processes of this session, and those that have fallen to this process as their parent."""
-    own, found = os.getpid(), []
+    own, pids = os.getpid(), []
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError):
             # "pid (name) state parent group session ...": a name may hold anything.
             fields = path.read_text(encoding="latin-1").rpartition(")")[2].split()
             pid = int(path.parent.name)
             if pid != own and fields[0] != "Z" and own in (int(fields[1]), int(fields[3])):
-                found.append(pid)
-    return found
+                pids.append(pid)
+    return pids
 
 
 def _end_all(child: int) -> None:

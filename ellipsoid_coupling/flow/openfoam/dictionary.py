@@ -207,10 +207,10 @@ class _Parser:
 
     def _inclusion(self, section: Section) -> None:
         """``#include "parameters"``, the one file that is taken in."""
-        found = _INCLUSION.match(self._scan.text, self._scan.at)
-        if found is None or self._parameters is None or section is not self._open[0]:
+        match = _INCLUSION.match(self._scan.text, self._scan.at)
+        if match is None or self._parameters is None or section is not self._open[0]:
             self._scan.odd()
-        at, self._scan.at = self._scan.at, found.end()
+        at, self._scan.at = self._scan.at, match.end()
         for name, number in self._parameters().items():
             # For OpenFOAM the included entry would count, and not the one before it.
             if name in section.entries:
@@ -302,10 +302,10 @@ class _Parser:
     def _evaluation(self) -> Number:
         """``#eval "arithmetic"``, worked out."""
         start = self._scan.at
-        found = _EVAL.match(self._scan.text, start)
-        if found is None:
+        match = _EVAL.match(self._scan.text, start)
+        if match is None:
             self._scan.odd()
-        self._scan.at = found.end()
+        self._scan.at = match.end()
 
         def variable(name: str) -> float | None:
             known = self._known(name)

@@ -56,9 +56,9 @@ def _behind_list(file: FoamFile, token: Token) -> int:
 
     Lists of words and strings are text there, too.
     """
-    found = _LIST.fullmatch(token.text) if file.binary else None
-    size = _SIZES.get(found[1]) if found is not None else None
-    if found is None or size is None:
+    match = _LIST.fullmatch(token.text) if file.binary else None
+    size = _SIZES.get(match[1]) if match is not None else None
+    if match is None or size is None:
         return token.end
     number, at = read_count(file, token.end, f"entries of {token.text}")
     if number == 0 or file.data[at : at + 2].strip()[:1] == b"{":
@@ -66,7 +66,7 @@ def _behind_list(file: FoamFile, token: Token) -> int:
     scalars, labels, others = size
     each = scalars * file.scalar.itemsize + labels * file.label.itemsize + others
     end = file.mark(at, "(") + number * each
-    if found[1] in _MAYBE_TEXT and file.data[end : end + 1] != b")":
+    if match[1] in _MAYBE_TEXT and file.data[end : end + 1] != b")":
         return at
     if end > len(file.data):
         raise file.error(at, f"{number} entries of {token.text}", "the end of the file")

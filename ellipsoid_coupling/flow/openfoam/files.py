@@ -188,10 +188,10 @@ def _header(path: Path, data: bytes) -> tuple[dict[str, str], int]:
 def read_count(file: FoamFile, at: int, what: str) -> tuple[int, int]:
     """A number of entries and the byte behind it."""
     at = after_space(file.data, at)
-    found = _COUNT.match(file.data, at)
-    if found is None:
+    match = _COUNT.match(file.data, at)
+    if match is None:
         raise file.error(at, f"the number of {what}", _excerpt(file, at))
-    return int(found[0]), found.end()
+    return int(match[0]), match.end()
 
 
 def read_numbers(
@@ -213,9 +213,9 @@ def read_numbers(
         return raw.astype(np.float64).reshape(number, width), file.mark(at, ")")
     parts: list[Array] = [np.zeros(0)]
     end, left = start, number * width
-    while left >= 0 and (found := _BATCH[width].match(file.data, end)):
-        parts.append(_parsed(found[0]))
-        end, left = found.end(), left - parts[-1].size
+    while left >= 0 and (match := _BATCH[width].match(file.data, end)):
+        parts.append(_parsed(match[0]))
+        end, left = match.end(), left - parts[-1].size
     _require_end(file, end, what)
     values = np.concatenate(parts).reshape(-1, width)
     if len(values) != number:
@@ -226,11 +226,11 @@ def read_numbers(
 def read_entry(file: FoamFile, at: int, width: int, what: str) -> tuple[Array, int]:
     """One scalar or vector in ascii, (width,), and the byte behind it."""
     at = after_space(file.data, at)
-    found = _ENTRY[width].match(file.data, at)
-    if found is None:
+    match = _ENTRY[width].match(file.data, at)
+    if match is None:
         kind = "a number" if width == 1 else "a vector (x y z)"
         raise file.error(at, f"{kind} for {what}", _excerpt(file, at))
-    return _parsed(found[0]), found.end()
+    return _parsed(match[0]), match.end()
 
 
 def read_labels(file: FoamFile, at: int, count: int | None, what: str) -> tuple[Index, int]:
@@ -263,9 +263,9 @@ def read_faces(file: FoamFile) -> tuple[Index, Index]:
     number, at = read_count(file, file.start, "faces")
     end = file.mark(at, "(")
     corners_of, sizes_of = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    while found := _FACES.match(file.data, end):
+    while match := _FACES.match(file.data, end):
         # 4(0 1 2 3) becomes 4 0 1 2 3 -1
-        text = found[0].replace(b")", b" -1 ").replace(b"(", b" ")
+        text = match[0].replace(b")", b" -1 ").replace(b"(", b" ")
         flat = _parsed(text).astype(np.int64)
         ends = np.flatnonzero(flat < 0)
         begins = np.concatenate(([0], ends[:-1] + 1))
@@ -275,7 +275,7 @@ def read_faces(file: FoamFile) -> tuple[Index, Index]:
         keep = flat >= 0
         keep[begins] = False
         corners_of.append(flat[keep])
-        end = found.end()
+        end = match.end()
     _require_end(file, end, "faces")
     sizes = np.concatenate(sizes_of)
     if sizes.size != number:

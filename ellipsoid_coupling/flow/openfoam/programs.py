@@ -62,8 +62,8 @@ def openfoam_version() -> str:
     text = subprocess.run(
         command, env=foam_environment(), capture_output=True, text=True, check=False, cwd="/"
     ).stdout
-    found = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
-    return found[1] if found else "unknown"
+    match = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
+    return match[1] if match else "unknown"
 
 
 def run_program(

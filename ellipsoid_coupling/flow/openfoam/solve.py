@@ -84,13 +84,13 @@ def parameter(folder: Path, name: str) -> str:
     """One entry of a case's system/parameters; InputError where it is missing."""
     path = folder / "system" / "parameters"
     text = read_text(path, "numbers of a case", MOST_SCENE_BYTES) if is_ordinary(path) else ""
-    found = re.search(rf"(?m)^{name}\s+([^;]+);", text)
-    if not found:
+    match = re.search(rf"(?m)^{name}\s+([^;]+);", text)
+    if not match:
         raise InputError(
             str(path), f"an entry '{name} VALUE;'", "none",
             "Lay the case out as foam_cases/cavity is.",
         )  # fmt: skip
-    return found[1].strip()
+    return match[1].strip()
 
 
 def _number(folder: Path, name: str, below: float) -> float:

@@ -84,7 +84,7 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
     Points may be newer than faces, where the mesh moves; the second is the newer one's time.
     """
     up_to = [other for other in times if float(other) <= float(time)]
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     newest: str | None = None
     for part in ("points", "faces"):
         with_part = [t for t in up_to if packed(case / t / "polyMesh" / part) is not None]
@@ -95,8 +95,8 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
                 "Name the folder that holds constant, system and the times; mesh and solve it.",
             )  # fmt: skip
         newest = newest or (with_part[-1] if with_part else None)
-        found[part] = folder
-    return Places(case / time, found["points"], found["faces"]), newest
+        folders[part] = folder
+    return Places(case / time, folders["points"], folders["faces"]), newest
 
 
 def _no_velocity(case: Path, times: list[str], wanted: str | None) -> InputError:

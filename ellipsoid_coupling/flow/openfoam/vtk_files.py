@@ -81,10 +81,10 @@ class _Piece:
         """The arrays of a section by name; none where it is missing."""
         parts = self.element.findall(section)
         arrays = parts[0].findall("DataArray") if parts else []
-        found = {array.get("Name", "none"): array for array in arrays}
-        if len(parts) > 1 or len(found) < len(arrays):
+        by_name = {array.get("Name", "none"): array for array in arrays}
+        if len(parts) > 1 or len(by_name) < len(arrays):
             raise self.error(section, "each section and each array once", "one twice")
-        return found
+        return by_name
 
     def decoded(self, section: str, name: str, rows: int, width: int) -> NDArray[Any]:
         """An array of a section, (rows, width); InputError where it is missing, broken or another."""

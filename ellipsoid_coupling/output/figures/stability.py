@@ -141,8 +141,8 @@ def stability_figure(entries: Sequence[MapEntry], title: str = "") -> Figure:
     axes = figure.add_axes((left, low, *shape))
     axes.set(xlim=(0, len(columns)), ylim=(len(cases), 0))
     for entry in entries:
-        place = columns.index((entry.model, entry.scheme)), cases.index(entry.case)
-        _draw_field(axes, place, look_of(entry))
+        corner = columns.index((entry.model, entry.scheme)), cases.index(entry.case)
+        _draw_entry(axes, corner, look_of(entry))
     _label(axes, entries, cases, columns)
     if title:
         figure.suptitle(title, y=1.0 - 0.12 / height, va="top")
@@ -152,11 +152,11 @@ def stability_figure(entries: Sequence[MapEntry], title: str = "") -> Figure:
     return figure
 
 
-def _draw_field(axes: Axes, place: tuple[int, int], look: _Look) -> None:
-    axes.add_patch(Rectangle(place, 1, 1, facecolor=look.fill, edgecolor="white", linewidth=0.5))
+def _draw_entry(axes: Axes, corner: tuple[int, int], look: _Look) -> None:
+    axes.add_patch(Rectangle(corner, 1, 1, facecolor=look.fill, edgecolor="white", linewidth=0.5))
     axes.text(
-        place[0] + 0.5,
-        place[1] + 0.53,
+        corner[0] + 0.5,
+        corner[1] + 0.53,
         look.words,
         color=look.letters,
         fontsize=_LETTERS,

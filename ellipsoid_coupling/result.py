@@ -94,6 +94,7 @@ class Result:
     times: Floats
     variables: dict[str, Floats]
     coordinates: dict[str, Floats]
+    # Any: a number or a text, which the name decides.
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property

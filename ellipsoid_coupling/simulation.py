@@ -160,7 +160,7 @@ def _whole(name: str, value: int, least: int, most: int) -> int:
     return int(value)
 
 
-def _identity(name: str, setup: Setup) -> tuple[dict[str, Any], dict[str, Any]]:
+def _identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, object]]:
     """The [run] and [scene] of run.toml: all that a repetition needs."""
     flow = setup.flow
     run = {

@@ -38,7 +38,7 @@ draws from the pool. With a single realisation no noise is taken out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,7 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
     size = group_size * int(np.ceil(total // group_size / MOST_GROUPS))
     count = total // size
 
-    def grouped(values: NDArray[Any]) -> NDArray[Any]:
+    def grouped(values: NDArray[np.generic]) -> NDArray[np.generic]:
         return values.reshape(times, -1)[:, : count * size].reshape(times, count, size)
 
     x, y, angle = (grouped(result.variables[name]) for name in ("x", "y", "angle"))

@@ -19,7 +19,7 @@ import os
 import struct
 from collections.abc import Iterator
 from itertools import chain
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ _DAMAGED = "a damaged file: parts beyond its end, of a wrong kind, or that lead 
 _ELSEWHERE = "in pieces, packed, or in another file"
 
 
-def _number_types() -> dict[bytes, np.dtype[Any]]:
+def _number_types() -> dict[bytes, np.dtype[np.generic]]:
     """The description of each plain number in a file, without its version."""
     floats = {
         4: struct.pack("<HHBBBBI", 0, 32, 23, 8, 0, 23, 127),
@@ -79,7 +79,7 @@ class Variable(NamedTuple):
     """An array: where its numbers lie, None where it has none of its own."""
 
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
+    dtype: np.dtype[np.generic]
     address: int | None
 
     @property
@@ -110,7 +110,7 @@ class Reader:
             variables[name] = self._variable(name, address)
         return variables
 
-    def numbers(self, variable: Variable) -> NDArray[Any]:
+    def numbers(self, variable: Variable) -> NDArray[np.generic]:
         """An array's numbers."""
         values = np.zeros(variable.shape, variable.dtype)
         raw, done = values.reshape(-1).view(np.uint8).data, 0
@@ -121,7 +121,7 @@ class Reader:
             done += read
         return values
 
-    def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[Any]]]:
+    def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[object]]]:
         """The root's attributes and their values; `but` those of these names, which are not read."""
         dense = self._dense(_ATTRIBUTES, 8)
         own = (message.data for message in self._root if message.kind == _ATTRIBUTE)
@@ -271,7 +271,7 @@ class Reader:
 
     def _values(
         self, name: str, kind: bytes, shape: tuple[int, ...] | None, data: bytes
-    ) -> list[Any]:
+    ) -> list[object]:
         """The values of an attribute: numbers, or texts."""
         if shape is None:
             raise ValueError(f"attribute {name} without a value")
@@ -285,12 +285,10 @@ class Reader:
         form, variant = kind[0] & 15, kind[1] & 15
         if form == 3 and size:
             ends = {0: "\0", 1: "\0", 2: " "}
-            texts = [part.decode("utf-8").rstrip(ends.get(variant, "")) for part in parts]
-        elif form == 9 and variant == 1 and size == 16:
-            texts = [self._text(*struct.unpack("<IQI", part)).decode("utf-8") for part in parts]
-        else:
-            raise ValueError(f"attribute {name} of a type that is no text and no plain number")
-        return texts
+            return [part.decode("utf-8").rstrip(ends.get(variant, "")) for part in parts]
+        if form == 9 and variant == 1 and size == 16:
+            return [self._text(*struct.unpack("<IQI", part)).decode("utf-8") for part in parts]
+        raise ValueError(f"attribute {name} of a type that is no text and no plain number")
 
     def _text(self, length: int, heap: int, index: int) -> bytes:
         """A text of the global heap at `heap`."""
@@ -378,7 +376,7 @@ def _shape(space: bytes) -> tuple[int, ...] | None:
     return tuple(struct.unpack_from(f"<{rank}Q", space, start))
 
 
-def _number(kind: bytes) -> np.dtype[Any] | None:
+def _number(kind: bytes) -> np.dtype[np.generic] | None:
     """The plain number that a type describes; None for other types."""
     plain = bytes([kind[0] & 15]) + kind[1 : 20 if kind[0] & 15 else 12]
     return _NUMBERS.get(plain)

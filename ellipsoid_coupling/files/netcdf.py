@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
@@ -22,6 +23,7 @@ from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, memory_limit
 
 if TYPE_CHECKING:
     import xarray as xr
+    from _typeshed import ReadableBuffer, WriteableBuffer
 
 _EXPECTED = "a result file"
 _REMEDY = "Give a result.nc that this package wrote."
@@ -44,6 +46,7 @@ class Stored:
         The extent of every dimension, with or without numbers of its own.
     """
 
+    # Any: the file decides the kinds of values, and `Result` checks them.
     attributes: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
     sizes: dict[str, int]
@@ -93,7 +96,9 @@ def read_netcdf(path: Path) -> Stored:
             raise InputError(str(path), _EXPECTED, found, _REMEDY) from None
 
 
-def _read_objects(opened: Reader, size: int) -> tuple[dict[str, int], dict[str, NDArray[Any]]]:
+def _read_objects(
+    opened: Reader, size: int
+) -> tuple[dict[str, int], dict[str, NDArray[np.generic]]]:
     """Every array of the file; all are looked at before the first is read."""
     variables = opened.variables()
     needed = sum(variable.length for variable in variables.values())
@@ -118,7 +123,7 @@ def _attributes(opened: Reader) -> dict[str, Any]:
     return attributes
 
 
-def _check_texts(name: str, values: list[Any]) -> None:
+def _check_texts(name: str, values: list[object]) -> None:
     for text in values:
         if isinstance(text, str) and not text.replace("\n", "").isprintable() and text:
             raise ValueError(f"attribute {name} with characters that are not printable")
@@ -143,7 +148,7 @@ class _Forgiving(io.RawIOBase):
         """As of any file."""
         return self._place
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: WriteableBuffer) -> int:
         """All of it: zeros beyond the end."""
         view = memoryview(buffer).cast("B")
         read = os.preadv(self._handle, [view], self._place)
@@ -151,7 +156,7 @@ class _Forgiving(io.RawIOBase):
         self._place += len(view)
         return len(view)
 
-    def write(self, buffer: Any) -> int:
+    def write(self, buffer: ReadableBuffer) -> int:
         """All of it, or nothing after a fault."""
         view = memoryview(buffer).cast("B")
         written = 0

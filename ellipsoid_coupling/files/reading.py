@@ -15,7 +15,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import in_words
 
+# Any: the file decides the kind of numbers, and its reader checks it.
 Arrays = dict[str, NDArray[Any]]
 
 _KINDS = (
@@ -79,7 +80,7 @@ def is_folder(path: Path) -> bool:
     return _mode(path, stat.S_ISDIR)
 
 
-def _mode(path: Path, test: Any) -> bool:
+def _mode(path: Path, test: Callable[[int], bool]) -> bool:
     try:
         return bool(test(path.stat().st_mode))
     except (OSError, ValueError):
@@ -244,7 +245,7 @@ def _check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: in
 
 def _array(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path, expected: str
-) -> NDArray[Any]:
+) -> NDArray[np.generic]:
     """One member; its header is the one line that numpy writes for plain numbers, or refused."""
     name = member.filename.removesuffix(".npy")
     # No more is unpacked than the file says it is: read() without a number would go to the end.

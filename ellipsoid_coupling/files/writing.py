@@ -8,14 +8,13 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import WriteError
 
-Arrays = dict[str, NDArray[Any]]
+Arrays = dict[str, NDArray[np.generic]]
 
 
 def halves(folder: Path, names: Iterable[str]) -> list[Path]:
@@ -78,7 +77,7 @@ def _remove(path: Path) -> None:
 
 
 def write_arrays(
-    path: Path, arrays: Mapping[str, NDArray[Any]], *, new_folder: bool = True
+    path: Path, arrays: Mapping[str, NDArray[np.generic]], *, new_folder: bool = True
 ) -> None:
     """Write named arrays of numbers as an .npz without compression, completely or not at all."""
     with whole_file(path, new_folder=new_folder) as beside, beside.open("wb") as file:

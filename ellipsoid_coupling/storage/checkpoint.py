@@ -77,14 +77,15 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     # Grids continue from a time before the last save, see `stepping.step_control.Aside`.
     reached = times[count - 1] if count and not kind_named(model.name).is_grid else 0.0
     for clock in (a for a in state.values() if a.shape[1:] == (CLOCK_COLUMNS,)):
-        wrong = clock_fault(clock, reached, times[count])
+        wrong = clock_fault(np.asarray(clock, np.float64), reached, times[count])
         if wrong:
             raise _unfit(where, "clocks of a run between its snapshots", wrong)
     model.restore(state)
     if not reached <= model.time <= times[count]:
         raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
     force, torque = map(float, arrays[_FORCES])
-    return Progress([snapshots[i] for i in range(count)], arrays[_SECONDS], (force, torque))
+    seconds = np.asarray(arrays[_SECONDS], np.float64)
+    return Progress([snapshots[i] for i in range(count)], seconds, (force, torque))
 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:

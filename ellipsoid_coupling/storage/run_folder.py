@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -125,7 +124,7 @@ class RunFolder:
                 "Name the run's folder, or start again with --force.",
             )
 
-    def check_same(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> None:
+    def check_same(self, run: Mapping[str, object], scene: Mapping[str, object]) -> None:
         """Refuse to resume another run, before a flow is looked for.
 
         `run` and `scene` as in `claimed`; the flow's entries in `run` are not compared.
@@ -135,7 +134,7 @@ class RunFolder:
 
     @contextmanager
     def claimed(
-        self, run: Mapping[str, Any], scene: Mapping[str, Any], flow: FlowField | None = None
+        self, run: Mapping[str, object], scene: Mapping[str, object], flow: FlowField | None = None
     ) -> Iterator[None]:
         """Inside, the folder is this process's alone and holds the run.toml and flow of this run.
 
@@ -195,13 +194,13 @@ class RunFolder:
                 "claimed, which was removed or moved. Run again with another --out."
             )
 
-    def _begin(self, table: Mapping[str, Any]) -> None:
+    def _begin(self, table: Mapping[str, object]) -> None:
         for name in _FILES[1:]:
             (self.path / name).unlink(missing_ok=True)
         with whole_file(self.path / RUN_FILE, new_folder=False) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
 
-    def _require_same(self, wanted: Mapping[str, Any], but: tuple[str, ...] = ()) -> None:
+    def _require_same(self, wanted: Mapping[str, object], but: tuple[str, ...] = ()) -> None:
         file = self.path / RUN_FILE
         before = read_run_file(file)
         same = tomllib.loads(table_to_toml(wanted))
@@ -363,7 +362,7 @@ def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
         )
 
 
-def read_run_file(file: Path) -> dict[str, dict[str, Any]]:
+def read_run_file(file: Path) -> dict[str, dict[str, object]]:
     """The tables of a run.toml; InputError where it is none."""
     text = read_text(file, "the run.toml of a run", MOST_SCENE_BYTES)
     table = parse_toml(text, str(file))

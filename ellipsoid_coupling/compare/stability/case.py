@@ -16,6 +16,7 @@ from ellipsoid_coupling.flow.analytic import LinearFlow, linear_flow
 from ellipsoid_coupling.models import ModelKind
 from ellipsoid_coupling.scenes import Scene, scene_from_table, set_key
 
+# Any: nested sections and values of a scene, which `scene_from_table` validates.
 Table = dict[str, Any]
 
 HALF = 0.5

@@ -354,7 +354,7 @@ def _unknown(text: str, known: set[str]) -> set[str]:
 def _known_words() -> set[str]:
     """All words that stand in the tables of what a plane laminar case needs."""
     found: set[str] = set()
-    for name in ("trust", "foam_tables", "foam_start", "foam_blocks", "foam_rules"):
+    for name in ("trust", "tables", "start", "blocks", "rules"):
         tree = ast.parse((Path(trust.__file__).parent / f"{name}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):

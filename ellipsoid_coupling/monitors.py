@@ -68,7 +68,7 @@ class Monitors:
         Raises
         ------
         RunError
-            With the broken law, the time, the place and what to do.
+            With the broken law, the time, the position and a remedy.
         """
         health = model.health()
         (force, torque), (more, harder) = self.forces, health.forces

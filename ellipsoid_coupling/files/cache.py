@@ -1,4 +1,4 @@
-"""Where everything is kept that can be made again: compiled kernels and solved flows."""
+"""The cache of everything that can be made again: compiled kernels and solved flows."""
 
 from __future__ import annotations
 

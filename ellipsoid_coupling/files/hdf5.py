@@ -1,11 +1,11 @@
 """A strict reader of the HDF5 files that this package writes, and of no others.
 
-The HDF5 library follows what a file says: to other files and pipes, into arrays and texts of any size,
-round and round a damaged heap, and not always back. So it never reads a file from elsewhere. What is
-read here are arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the
-root; everything else is a ValueError. Sizes are compared with the file before anything is read, and
-what may be read besides arrays has a limit, which also ends every circle. Of each part only what is
-needed is looked at (references and attributes of arrays are not); the file's checksum is `checksum`'s.
+The HDF5 library follows every reference of a file: to other files and pipes, into arrays and texts of any
+size, and endlessly round a damaged heap. So it never reads a file from elsewhere. This reader accepts
+arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the root group;
+everything else is a ValueError. Sizes are compared with the file before anything is read, and the bytes
+read besides arrays have a limit, which also ends every cycle. References and attributes of arrays are
+ignored; the file's checksum is `checksum`'s.
 
 The format is described in "HDF5 File Format Specification Version 3.0". In short: a superblock names
 the root's header; a header is a list of messages; many links or attributes of one header lie in a heap

@@ -1,7 +1,7 @@
 """Every limit on the size of a user's input, with its reason.
 
-Files are limited so that reading one cannot fill the memory or take minutes; runs are limited by what
-the machine has.
+Files are limited so that reading one cannot fill the memory or take minutes; runs are limited by the
+machine's memory.
 """
 
 from __future__ import annotations

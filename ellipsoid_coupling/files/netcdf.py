@@ -1,6 +1,6 @@
 """result.nc as a file: written without a copy in memory, and read without trust.
 
-What is read is not given to the HDF5 library, see `hdf5`.
+The HDF5 library writes the file and never reads it, see `hdf5`.
 """
 
 from __future__ import annotations
@@ -55,15 +55,15 @@ class Stored:
 def write_netcdf(data: xr.Dataset, path: Path) -> None:
     """Write a data set as NetCDF-4 with a checksum behind it.
 
-    Arrays go to the disk as they are. The HDF5 library does not survive a full disk, so it hears of
-    none; OSError comes when it is done.
+    Arrays go to the disk without a copy. The HDF5 library crashes on a full disk, so write errors are kept
+    from it and raised as OSError when it is done.
     """
     import h5netcdf
 
     with path.open("w+b") as file:
         target = _Forgiving(file)
         try:
-            # The oldest format is the one that `read_netcdf` knows.
+            # `read_netcdf` reads the oldest format only.
             with h5netcdf.File(target, "w", libver="earliest") as made:
                 made.dimensions = {str(name): size for name, size in data.sizes.items()}
                 made.attrs.update(data.attrs)
@@ -99,7 +99,7 @@ def read_netcdf(path: Path) -> Stored:
 def _read_objects(
     opened: Reader, size: int
 ) -> tuple[dict[str, int], dict[str, NDArray[np.generic]]]:
-    """Every array of the file; all are looked at before the first is read."""
+    """Every array of the file; all sizes are checked before the first array is read."""
     variables = opened.variables()
     needed = sum(variable.length for variable in variables.values())
     if needed > size:
@@ -113,7 +113,7 @@ def _read_objects(
 
 
 def _attributes(opened: Reader) -> dict[str, Any]:
-    """Each as Python's own: one of a single value is that value, more are a list."""
+    """Attributes as Python values: a single value, or a list of several."""
     attributes = dict[str, Any]()
     for name, values in opened.attributes(_NOT_READ):
         if name in attributes:
@@ -132,7 +132,7 @@ def _check_texts(name: str, values: list[object]) -> None:
 
 
 class _Forgiving(io.RawIOBase):
-    """A file to write to that keeps its first fault to itself."""
+    """A file to write to that stores its first error instead of raising it."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._handle, self._place = file.fileno(), 0

@@ -1,7 +1,7 @@
-"""Open what a user names: ordinary files of a bounded size only, and every failure in words.
+"""Open a user's files: ordinary files of a bounded size only, and a message for every failure.
 
-A path may be a folder, a pipe that never speaks, a device that never ends, a loop of links, or no
-path at all; nothing here waits, and nothing takes more memory than its limit.
+A path may be a folder, a pipe without a writer, an endless device, a loop of links, or no path at all;
+nothing here waits, and nothing takes more memory than its limit.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _REASONS = {
     errno.EACCES: "no permission to read it",
     errno.ENAMETOOLONG: "a name that is too long",
 }
-# What zipfile raises on damaged files (RuntimeError: encrypted, NotImplementedError: not to be read).
+# Errors of zipfile on damaged files (RuntimeError: encrypted, NotImplementedError: not to be read).
 _DAMAGED = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError, LookupError,
     struct.error, zipfile.BadZipFile, zlib.error,
@@ -201,7 +201,7 @@ def read_arrays(path: Path, expected: str, most: int, members: int) -> Arrays:
 
     `members` is how many arrays there may be.
 
-    Sizes are taken from the headers and compared with what the file holds before any array is made.
+    Sizes are taken from the headers and compared with the file's before any array is made.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every model offers to the time loop, and what it is built from."""
+"""The protocol of a model, and the setup that it is built from."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Model(Protocol):
     Attributes
     ----------
     kinds : tuple of ModelKind
-        What the class declares about itself, one entry for each of its names.
+        The properties that the class declares, one entry for each of its names.
     name : str
         The name that it was built by.
     """
@@ -96,7 +96,7 @@ class Model(Protocol):
         Raises
         ------
         InputError
-            With the key at fault, what was expected and what to do.
+            With the key at fault, the expected value and a remedy.
         """
         ...
 
@@ -115,7 +115,7 @@ class Model(Protocol):
         Raises
         ------
         RunError
-            Where it cannot go on, with the time, the place and what to do.
+            If a step is impossible, with the time, the position and a remedy.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""What a model declares about itself, so that nobody has to ask for its name."""
+"""The properties that a model declares, by which others choose instead of by its name."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class ModelKind:
         Every realisation is a system of its own, and is stepped alone. Otherwise all that the model
         holds is one density, and takes each step at once.
     random_motion : bool
-        Noise moves what the model holds. A closure has noise as damping only.
+        Noise moves the model's particles. In a closure it only damps.
     summation : callable
         (scene with interaction) -> how the model sums it, in words for `ellipsoid plan`.
     pressure : float

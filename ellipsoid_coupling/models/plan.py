@@ -14,7 +14,7 @@ def model_terms(scene: Scene, name: str) -> Terms:
 def plan_terms(scene: Scene, name: str) -> list[Term]:
     """Every term with its verdict and the reason, in the order of the equations.
 
-    The way in which the interaction is summed is that of a run: what would choose it then chooses it here.
+    The way in which the interaction is summed is found by the same functions that choose it in a run.
 
     Raises
     ------

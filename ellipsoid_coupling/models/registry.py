@@ -37,13 +37,13 @@ def register_model(model: type[Model]) -> None:
     Parameters
     ----------
     model : class
-        Whatever has all that the protocol `Model` lists. Its names are known to `simulate` and, in
-        the same process, to the command line.
+        With all members of the protocol `Model`. Its names are then known to `simulate` and, in the same
+        process, to the command line.
 
     Raises
     ------
     TypeError
-        For a class that lacks something of the protocol.
+        For a class that lacks members of the protocol.
     ValueError
         For a name that another model has.
     """
@@ -72,13 +72,13 @@ def model_names() -> list[str]:
 
 
 def model_kinds() -> list[ModelKind]:
-    """What all models declare, from particles down the hierarchy (`ModelKind.rank`)."""
+    """The kinds of all models, from particles down the hierarchy (`ModelKind.rank`)."""
     kinds = {kind.name: kind for model in _classes().values() for kind in model.kinds}
     return sorted(kinds.values(), key=lambda kind: (kind.rank, kind.name))
 
 
 def kind_named(name: str) -> ModelKind:
-    """What the model called `name` declares.
+    """The kind of the model called `name`.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def kind_named(name: str) -> ModelKind:
 
 
 def find_kind(name: str) -> ModelKind | None:
-    """What the model called `name` declares; None for a name that is not known here.
+    """The kind of the model called `name`; None for an unknown name.
 
     For results from elsewhere, whose model may not be registered.
     """
@@ -97,9 +97,9 @@ def find_kind(name: str) -> ModelKind | None:
 
 
 def require_fit(name: str, setup: Setup) -> None:
-    """Refuse, before anything is solved or allocated, what is wrong in model, scene and numbers.
+    """Refuse a model, scene or numbers that do not fit, before anything is solved or allocated.
 
-    The flow is not looked at: `setup` may still be without one.
+    The flow is not used: `setup` may still be without one.
 
     Raises
     ------

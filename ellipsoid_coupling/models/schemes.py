@@ -1,4 +1,4 @@
-"""The numerical schemes, and what others need to know of them beside their names."""
+"""The numerical schemes and their properties, by which others choose instead of by name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SchemeName = Literal["paper", "accurate"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """What distinguishes a scheme for whoever refines, compares or watches its runs.
+    """The properties of a scheme by which its runs are refined, compared and checked.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Scheme:
     step_symbol : str
         That key's value in the text of a resolution.
     remedy : str
-        What to do where a run has gone wrong.
+        The advice to a user whose run has failed.
     """
 
     name: SchemeName

@@ -1,6 +1,6 @@
 """How a model sums its interaction, in words for `ellipsoid plan`.
 
-Each function asks what a run asks: the choosers of `interaction`, with the arguments of the run.
+Each function calls the functions that choose the interaction of a run, with the same arguments.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ def on_r_grid(scene: Scene) -> str:
 
 
 def q_tolerance(scene: Scene, *, exact: bool) -> float:
-    """What the interaction of a density over space and angle may be off by; 0 for rounding alone.
+    """The tolerance of the interaction of a density over space and angle; 0 for rounding alone.
 
-    exact : the model has equilibria, which stay only if all digits of the interaction are kept
+    exact : the model has equilibria, which persist only if the interaction is exact to rounding
     """
     numerics = scene.numerics
     return 0.0 if exact or numerics.interaction == "direct" else numerics.harmonics_tolerance
 
 
 def on_q_grid(scene: Scene, *, exact: bool = False) -> str:
-    """For a density over space and angle, which sums over all angles by transforms in space."""
+    """For a density over space and angle (transforms in space, a sum over all pairs of angles)."""
     assert scene.interaction is not None
     tolerance = q_tolerance(scene, exact=exact)
     if tolerance == 0.0:

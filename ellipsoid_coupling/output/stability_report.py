@@ -45,8 +45,8 @@ mostly the sampling error of a few hundred particles.</p>
 <ul><li><b>stop</b>, <b>dt</b>: the run ended with a reason, and would need the step after dt. It may take
 {", ".join(f"{steps} steps ({kind})" for kind, steps in MOST_STEPS.items())}, repeated ones included;
 no clock takes part, so that the map is the same on any machine.</li>
-<li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (what left
-through open edges counted), a density was negative or a particle outside the walls.</li>
+<li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (mass that
+left through open edges counted), a density was negative or a particle outside the walls.</li>
 <li><b>bad in.</b>: refused as bad input, before anything was computed.</li>
 <li><b>-</b>: the model lacks the quantity that the case varies. <b>?</b>: the run held, but its error is
 not known, as the reference took more steps than a run may ({REFERENCE_OF_PRESSURE:g} of that under

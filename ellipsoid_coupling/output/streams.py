@@ -1,4 +1,4 @@
-"""The standard streams of a command: closed, full, or with nobody at the other end."""
+"""The standard streams of a command, which may be closed, full or without a reader."""
 
 from __future__ import annotations
 

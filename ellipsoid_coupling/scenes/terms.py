@@ -1,4 +1,4 @@
-"""Which terms a scene has: what is False here is neither computed, nor allocated, nor compiled."""
+"""The terms of a scene: those that are False are neither computed, nor allocated, nor compiled."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Term(NamedTuple):
 def terms_of(scene: Scene, *, random_motion: bool = True) -> Terms:
     """The terms that a model needs in `scene`.
 
-    random_motion : noise moves what the model holds; in a closure it only damps
+    random_motion : noise moves the model's particles; in a closure it only damps
     """
     return Terms(
         **{term.name: term.runs for term in explain_terms(scene, random_motion=random_motion)}

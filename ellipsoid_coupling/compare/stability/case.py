@@ -53,7 +53,7 @@ EQUILIBRIUM: Table = {
     "outer_potential.stiffness": 10.0,
     "particles.inertia": 1.0,
 }
-# The families that vary what an equilibrium has.
+# The families that vary a property which an equilibrium has.
 _TIMELESS = ("as it is", "aspect ratio", "eps0", "domain")
 # Without these there is no overdamped limit.
 _DRAGS = ("flow", "flow.drag", "flow.angular_drag")

@@ -39,7 +39,7 @@ class MapEntry:
         As in `distance`, against `reference`.
     reference : str
     mass_drift : float
-        |mass at the end + what left - mass at the start|, relative; the largest of the run.
+        |mass at the end + mass that left - mass at the start|, relative; the largest of the run.
     least_density : float
         The smallest of any cell at any time; NaN for particles.
     steps, rejected : float

@@ -5,8 +5,8 @@
     signed  = { "+" | "-" } value
     value   = number | $name | name "(" [ sum { "," sum } ] ")" | "pos().x()" | "(" sum ")"
 
-A tree is what was read; it is either worked out to a number here (`evaluate`) or written anew for the
-solver (`written`). Nothing of the text itself is kept, so nothing else can be in it.
+The text is read into a tree, which is either evaluated here (`evaluate`) or written anew for the solver
+(`written`). Nothing else of the text is kept.
 """
 
 from __future__ import annotations

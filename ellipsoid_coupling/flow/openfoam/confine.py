@@ -3,7 +3,7 @@
     python -I -S confine.py PARENT FOLDER PROGRAM ARGUMENTS...     (FOLDER is - for no wall)
 
 A script of its own, on the standard library alone: it is started once for each program of OpenFOAM and
-shall take milliseconds. Python runs no code of this package in it between a fork and an exec, which a
+must start in milliseconds. Python runs no code of this package in it between a fork and an exec, which a
 parent with threads could not do safely.
 
 It stays beside the program and ends everything that the program has started, other sessions included,
@@ -135,7 +135,7 @@ def _give_up_rights() -> None:
     """No capability that could undo the wall, now or by any program started from here."""
     for capability in range(_MOST_CAPABILITIES):
         if capability not in _KEPT_CAPABILITIES:
-            with contextlib.suppress(OSError):  # the system knows fewer
+            with contextlib.suppress(OSError):  # the system has fewer
                 _prctl(_DROP, capability)
     _prctl(_AMBIENT, _CLEAR_ALL)
     header, data = struct.pack("=Ii", _CAPABILITIES_3, 0), ctypes.create_string_buffer(24)

@@ -6,9 +6,9 @@
     lid     { type noSlip; }                     ->  lid: Section
     value   nonuniform List<scalar> 2 (1 2);     ->  value: (Word nonuniform, Column (2, 1))
 
-What a second parser takes for a harmless part of OpenFOAM's grammar may be code for the first. So this
-one knows next to nothing and refuses all else, and its values are written anew for the solver (`trust`):
-where the two would disagree, the solver gets what was understood here.
+A text that one parser of OpenFOAM's grammar reads as harmless may be code for another. So this parser
+accepts very little and refuses all else, and its values are written anew for the solver (`trust`): the
+solver gets the values as they were read here.
 
 Three things are worked out while they are read, as the package's own cases need them: the inclusion of
 system/parameters, ``$name`` for a number (or ``$name;`` for the entries of a dictionary) read before,

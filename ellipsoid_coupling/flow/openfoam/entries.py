@@ -7,7 +7,7 @@ import re
 from ellipsoid_coupling.flow.openfoam.files import FoamFile, read_count
 from ellipsoid_coupling.flow.openfoam.tokens import Token, line_of, token_at, without_comments
 
-# What stands in List<...>: its size in the file's scalars, in its labels, and in bytes besides.
+# The types of List<...>: sizes in the file's scalars, in its labels, and in further bytes.
 _SIZES = {
     "scalar": (1, 0, 0), "vector": (3, 0, 0), "sphericalTensor": (1, 0, 0), "symmTensor": (6, 0, 0),
     "tensor": (9, 0, 0), "complex": (2, 0, 0), "label": (0, 1, 0), "bool": (0, 0, 1),

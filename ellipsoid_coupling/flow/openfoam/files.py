@@ -7,10 +7,10 @@ r"""Strict reading of OpenFOAM's mesh and field files: ascii or binary, packed b
     ...
     )
 
-Every number is looked at here before any library sees a file. A count is compared with what the mesh
-needs and with what the file holds before anything is made of that size, and no file is unpacked beyond
-what its count needs; what is not in the plain form that OpenFOAM writes is refused, with the line (in
-binary files: the byte) where it stands. Reading takes time and memory in proportion to the file.
+Every number is checked here before any library reads a file. A count is compared with the mesh and with
+the file's size before an array of that size is made, and no file is unpacked beyond the size that its
+count needs. Anything but the plain form that OpenFOAM writes is refused, with its line (in binary files:
+its byte). Reading takes time and memory in proportion to the file.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ _ALONE = tuple(kind for kind in PATCH_TYPES if kind != "cyclic")
 def read_own_mesh(case: Path) -> Mesh:
     """constant/polyMesh of a case.
 
-    Raises InputError for a broken mesh, and for a patch whose type or name the solver shall not get.
+    Raises InputError for a broken mesh, and for a patch whose type or name is not passed to the solver.
     """
     folder = case / "constant" / "polyMesh"
     mesh = read_mesh(Places(folder, folder, folder))

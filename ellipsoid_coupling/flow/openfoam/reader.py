@@ -1,9 +1,9 @@
 """Read solved plane OpenFOAM cases: case folders by pyvista, foamToVTK's files by meshio.
 
 pyvista and meshio are imported in this file only, and only when a case is read: importing them
-takes longer than computing a small scene. Both know single precision only, or what a file says; so
-coordinates and fields are the case's own, in double precision, and what a library gets of them is
-measured from the mesh's lower corner.
+takes longer than computing a small scene. Both convert to single precision, or keep the precision of a
+file. So coordinates and fields are read from the case in double precision, and the libraries get
+coordinates relative to the mesh's lower corner.
 """
 
 from __future__ import annotations

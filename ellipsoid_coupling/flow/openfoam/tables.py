@@ -65,7 +65,7 @@ SCHEMES: Rules = {
         ),
         _TERMS,
     ),
-    # Names alone: p; and of no use since the solvers know it.
+    # Names alone, such as p; the solvers do not need it.
     "fluxRequired": dict.fromkeys(("default", "p", "U", "Phi", "pcorr"), dropped),
 }  # fmt: skip
 

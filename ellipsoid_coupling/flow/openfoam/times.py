@@ -32,7 +32,7 @@ class Chosen(NamedTuple):
     places : where it and its mesh lie
     before : the folder of the solved time before it, None if there is none
     only_start : whether nothing was solved after this time, with which a run usually begins
-    note : what `FlowField.origin` says of it: "time 8, the last of 41"
+    note : its description in `FlowField.origin`: "time 8, the last of 41"
     """
 
     places: Places

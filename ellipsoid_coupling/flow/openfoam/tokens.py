@@ -5,8 +5,8 @@
     code #{ int i; #};           ->   word code, verbatim #{ int i; #}, mark ;
     #include "parameters"        ->   directive #include, string "parameters"
 
-Parentheses are marks of their own, also where OpenFOAM takes them into a word: div(phi,U). What no
-dictionary has (a lone quote, a zero byte, an end within a string) is the token `odd`, the last one.
+Parentheses are marks of their own, also where OpenFOAM takes them into a word: div(phi,U). Text that
+no dictionary has (a lone quote, a zero byte, an end within a string) is the token `odd`, the last one.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     .venv/bin/python workflows/benchmark.py [--quick] [--out DIR]
 
 Medians after a warm-up, compiling apart. Prints a table and writes benchmark.json. Nothing here
-passes or fails by a clock: the column `aim` is what the project asks for, to be read beside what this
+passes or fails by a clock: the column `aim` is the project's aim, to be read beside what this
 machine gave.
 """
 

@@ -27,7 +27,7 @@ from ellipsoid_coupling.simulation import scene_flow
 
 SHAPE = potential_shape(0.1, 0.05)
 SPACING = 0.02
-# Of the rho integral. They bound any field of angles; what comes out here is a tenth of them.
+# Tolerances of the rho integral. They bound any field of angles; the measured errors are a tenth of them.
 TOLERANCES = (7e-2, 5e-2, 2e-2, 1e-4)
 
 

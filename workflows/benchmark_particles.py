@@ -57,7 +57,7 @@ def cloud(count: int, side: float, seed: int = 0) -> tuple[Floats, Floats]:
 
 
 def side_for(count: int, neighbours: float) -> float:
-    """The square in which a particle has so many neighbours within reach, but for the edges."""
+    """The square in which a particle has this many neighbours within reach, away from the edges."""
     return math.sqrt(count * math.pi * SHAPE.reach**2 / neighbours)
 
 

@@ -38,16 +38,16 @@ from ellipsoid_coupling.output.figures import draw_convergence, draw_sketch, fit
 from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.simulation import scene_flow
 
-# Bounds of the verdicts: each follows from the words that it stands for, not from what came out.
+# Bounds of the verdicts: each follows from the paper's words, not from the results.
 # Distances are L1 sums over 20 x 20 cells or 60 angles (`compare.distances`): twice the part of the mass
 # that lies in another bin, 2 is no overlap.
 # "Very good agreement": less than a twentieth of the mass lies elsewhere, which no panel shows.
 VERY_GOOD = 0.1
 # "Alike", "follows", "captures", "good agreement": a tenth, which a reader of two panels forgives.
 ALIKE = 0.2
-# "Deviates": a fifth; what is between the two is neither.
+# "Deviates": a fifth; between the two it is neither.
 DEVIATES = 0.4
-# "Better", "closer", "sooner": by a tenth at least, as seeds alone move what is compared by some percent.
+# "Better", "closer", "sooner": by a tenth at least, because seeds alone change a result by some percent.
 BETTER = 0.9
 # "Costs much more": a difference that is seen without a clock.
 MUCH_MORE = 5.0

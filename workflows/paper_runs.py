@@ -72,7 +72,7 @@ def run_scene(
 
 
 def tell_differences(page: Page, runs: Runs) -> None:
-    """What keeps each grid model from the microscopic ensemble: scheme, closure, finite N."""
+    """The parts of each grid model's distance to the microscopic ensemble: scheme, closure, finite N."""
     own, accurate = runs.by_scheme["paper"], runs.by_scheme["accurate"]
     ensemble = accurate.get("microscopic")
     if ensemble is None or runs.limit is None:

@@ -14,6 +14,7 @@ there is no pressure, else the scheme of finite_volume/well_balanced.py. `_STEPP
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -44,7 +45,7 @@ from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_one_angle, of_start
 from ellipsoid_coupling.models.schemes import SchemeName
-from ellipsoid_coupling.models.summation import on_q_grid, on_q_grid_exactly, q_tolerance
+from ellipsoid_coupling.models.summation import on_q_grid, q_tolerance
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -87,7 +88,7 @@ class QEquation:
             layout="q",
             rank=3,
             style=LineStyle("#E69F00", (0.0, (3.0, 1.0, 1.0, 1.0, 1.0, 1.0)), "D"),
-            summation=on_q_grid_exactly,
+            summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),
             pressure=PRESSURE["maxwellian"],
         ),
         ModelKind(
@@ -96,7 +97,7 @@ class QEquation:
             layout="q",
             rank=4,
             style=LineStyle("#009E73", (0.0, (5.0, 1.0, 1.0, 1.0)), "s"),
-            summation=on_q_grid,
+            summation=partial(on_q_grid, pressure=PRESSURE["mono_kinetic"]),
             pressure=PRESSURE["mono_kinetic"],
         ),
     )
@@ -278,7 +279,7 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
             shape,
             strength,
             quantity,
-            q_tolerance(scene, exact=pressure > 0.0),
+            q_tolerance(scene, pressure),
         )
     return QSystem(
         grid=grid,

@@ -10,6 +10,7 @@ one has many such states. Both schemes are the same: an equilibrium has no time 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +23,8 @@ from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
-from ellipsoid_coupling.models.summation import on_q_grid_exactly
+from ellipsoid_coupling.models.summation import on_q_grid
+from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 
@@ -57,7 +59,7 @@ class StationaryState:
             rank=7,
             style=LineStyle("#56B4E9", (0.0, (6.0, 2.0)), "P"),
             random_motion=True,
-            summation=on_q_grid_exactly,
+            summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),
             equilibrium=True,
         ),
     )

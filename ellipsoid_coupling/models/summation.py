@@ -57,30 +57,26 @@ def on_r_grid(scene: Scene) -> str:
     )
 
 
-def q_tolerance(scene: Scene, *, exact: bool) -> float:
+def q_tolerance(scene: Scene, pressure: float) -> float:
     """The tolerance of the interaction of a density over space and angle; 0 for rounding alone.
 
-    exact : the model has equilibria, which persist only if the interaction is exact to rounding
+    Under pressure a model has equilibria, which persist only if the interaction is exact to rounding.
     """
     numerics = scene.numerics
-    return 0.0 if exact or numerics.interaction == "direct" else numerics.harmonics_tolerance
+    exact = pressure > 0.0 or numerics.interaction == "direct"
+    return 0.0 if exact else numerics.harmonics_tolerance
 
 
-def on_q_grid(scene: Scene, *, exact: bool = False) -> str:
+def on_q_grid(scene: Scene, pressure: float) -> str:
     """For a density over space and angle (transforms in space, a sum over all pairs of angles)."""
     assert scene.interaction is not None
-    tolerance = q_tolerance(scene, exact=exact)
+    tolerance = q_tolerance(scene, pressure)
     if tolerance == 0.0:
         return "by transforms, to rounding"
     shape = potential_shape(scene.particles.length, scene.particles.width)
     sizes = scene.numerics.cell**2, shape.size, scene.interaction.strength
     precision = precision_for(tolerance, *sizes)
     return f"by transforms, within {tolerance:g} of its largest value, {_words(precision)}"
-
-
-def on_q_grid_exactly(scene: Scene) -> str:
-    """As `on_q_grid`, for models that have equilibria."""
-    return on_q_grid(scene, exact=True)
 
 
 def _words(precision: Precision) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         WriteError,
     )
     from ellipsoid_coupling.flow import FlowField
+    from ellipsoid_coupling.models import register_model
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
     from ellipsoid_coupling.simulation import simulate
@@ -41,6 +42,7 @@ __all__ = [
     "WriteError",
     "builtin_scenes",
     "load_scene",
+    "register_model",
     "simulate",
 ]
 
@@ -48,6 +50,7 @@ __all__ = [
 _HOMES = {
     "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
     "flow": ("FlowField",),
+    "models": ("register_model",),
     "result": ("Result",),
     "scenes": ("Scene", "builtin_scenes", "load_scene"),
     "simulation": ("simulate",),

@@ -94,7 +94,7 @@ def plan(
     scene: str,
     /,
     *,
-    model: str = "microscopic",
+    model: str | None = None,
     set_: Settings = None,
 ) -> None:
     """List every term of a scene: whether it runs, and why.
@@ -104,18 +104,15 @@ def plan(
     scene
         A built-in scene or a TOML file.
     model
-        The model that it is planned for.
+        The model that it is planned for; the first of the hierarchy, microscopic, if left out.
     """
-    from ellipsoid_coupling.models import model_names
-    from ellipsoid_coupling.scenes import explain_terms
+    from ellipsoid_coupling.models import kind_named, model_kinds, plan_terms
 
-    if model not in model_names():
-        known = ", ".join(model_names())
-        raise InputError("--model", f"one of {known}", repr(model), "Choose one of these.")
+    kind = model_kinds()[0] if model is None else kind_named(model)
     chosen = _scene(scene, set_)
-    terms = explain_terms(chosen, model)
+    terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
-    print_table(f"{chosen.name}, {model}", ("term", "", "why"), rows)
+    print_table(f"{chosen.name}, {kind.name}", ("term", "", "why"), rows)
 
 
 @app.command
@@ -156,26 +153,26 @@ def run(
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
     keeping.check()
-    kind = scheme_named(scheme or before.scheme)
+    numerics = scheme_named(scheme or before.scheme).name
     given = flow.wanted(scene, chosen)
-    folder = keeping.place(f"{chosen.name}-{name}-{kind}")
+    folder = keeping.run_folder(f"{chosen.name}-{name}-{numerics}")
     with ProgressReporter("run") as report:
         result = simulate(
             chosen,
             name,
-            kind,
+            numerics,
             flow=given,
             seed=seed if seed is not None else before.seed,
             realisations=realisations if realisations is not None else before.realisations,
             folder=folder,
             report=report,
         )
-    _print_summary(f"{chosen.name}: {name}, {kind}", result.attributes)
+    _print_summary(f"{chosen.name}: {name}, {numerics}", result.attributes)
     _print(str(folder.path))
 
 
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
-    """What a run has told about itself, as a table."""
+    """The most important attributes of a run, as a table."""
     names = ["status", "warnings", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
     names += ["mass_start", "mass_end", "particles_outside_flow"]
     rows = [(k, f"{attributes[k]}".removesuffix(".0")) for k in names if k in attributes]
@@ -203,7 +200,7 @@ def compare(
     what
         One scene (every model that fits it is run with both schemes, coarse to fine), or finished runs.
     longest
-        Seconds that one run may take; finer levels are left out, and told.
+        Seconds that one run may take; finer levels are left out, which the table says.
     """
     from ellipsoid_coupling.compare import compare_runs, run_frontier
     from ellipsoid_coupling.output.frontier_report import report_frontiers
@@ -231,7 +228,7 @@ def compare(
 
 @app.command
 def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
-    """Run stiff and extreme cases with every model and scheme, and map what stays stable.
+    """Run stiff and extreme cases with every model and scheme, and map their stability.
 
     Leaves a table, a picture and the page that explains it; without --out in results/....
 
@@ -250,10 +247,10 @@ def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
     cases = chosen_cases(quick=quick)
     output.check()
     with ProgressReporter("stability") as report:
-        fields = map_stability(cases, report=report)
+        entries = map_stability(cases, report=report)
     with output.folder("stability") as folder:
-        report_stability(fields, cases, folder)
-    print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(fields))
+        report_stability(entries, cases, folder)
+    print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(entries))
     _print(str(folder))
 
 
@@ -312,7 +309,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
 
 
 def _status_of(tokens: Sequence[str] | None) -> int:
-    """Run a command; its exit status, and in words what went wrong."""
+    """Run a command and return its exit status; errors are written as one message."""
     try:
         check_environment()
         app(tokens, exit_on_error=False, print_error=False)
@@ -324,7 +321,7 @@ def _status_of(tokens: Sequence[str] | None) -> int:
         tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
         return InputError.exit_status
     except BrokenPipeError:
-        # The reader of our output (head, less) has what it wanted; so the command has succeeded.
+        # The reader of the output (head, less) has closed it: no failure of the command.
         drop(sys.stdout)
     except (MemoryError, OSError) as error:
         tell(f"ellipsoid: {refusal(error)}\n")

@@ -1,20 +1,20 @@
-"""Watching a run: what may not happen stops it with words, instead of spoiling its result.
+"""Watching a run: a broken law of the physics stops the run with a message.
 
-After every call of `advance` a model tells its `Health`. It must stay
+After every call of `advance` the monitors check the model's `Health`, which must stay
 
     finite      every number of it
     positive    no density below 0
-    conserved   the mass as it was; less where edges are open, never more
+    conserved   the mass as at the start; less where edges are open, never more
     inside      no particle beyond reflecting walls
     bounded     no faster than its forces can have made it: with damping Gamma, the largest |F| so far
                 and noise A the root mean square speed is below |F|/Gamma + A/sqrt(2 Gamma), or below
                 |F| t where nothing damps
 
-The last is a law of v' = F - Gamma v + A dW/dt, so a scheme that breaks it by ten times feeds energy
-in: its step is too long. Particles tell the largest force of all their steps, from the start on: it
-does not matter where in a period they are looked at. Particles outside the flow and steps that vanish
-are told by the models. `Pace` watches the clock on the wall: a run whose end is out of sight is no run
-that was meant.
+The last is a law of v' = F - Gamma v + A dW/dt. A scheme that exceeds the bound ten times feeds energy
+in, because its step is too long. For particles |F| is the largest force of all steps since the start, so
+the phase of a motion in which the monitors look does not matter. The models themselves report particles
+that leave the flow and steps that vanish. `Pace` watches the wall clock: it stops a run that would take
+far longer than its user can have meant.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from collections.abc import Callable
 
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.files.limits import time_in_words
-from ellipsoid_coupling.models import Health, Model, Setup
+from ellipsoid_coupling.models import Health, Model, Setup, scheme_named
 from ellipsoid_coupling.models.from_scene import scene_rates
 
-# Sums over many cells round by less; leaks of a scheme are far more.
+# Rounding in sums over many cells is smaller; a scheme that leaks loses far more.
 MASS_TOLERANCE = 1e-9
 _SAFETY = 10.0
-# Seconds over which the pace is taken, at the most and at first; the most of them as a part of what
-# the run may take; and the calls of `advance` that are looked at before.
+# The window in seconds over which the pace is measured, at most and at first; its largest part of the
+# seconds that the run may take; and the calls of `advance` that the first estimate takes.
 _WINDOW, _FIRST_WINDOW, _PART_OF_LONGEST, _FIRST_CALLS = 60.0, 1.0, 0.1, 10
 
 
 class Monitors:
-    """The watch over one run.
+    """The checks of one run.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class Monitors:
     Attributes
     ----------
     forces : (float, float)
-        The largest force and torque so far: all that a restart needs. A particle that was pushed
-        once, and is free now, still is as fast.
+        The largest force and torque so far, which a restart needs: a particle that a force has
+        accelerated stays fast after the force has gone.
     """
 
     def __init__(self, name: str, setup: Setup, model: Model) -> None:
@@ -63,12 +63,12 @@ class Monitors:
         self.forces = model.health().forces
 
     def look(self, model: Model) -> None:
-        """Look once.
+        """Check the model once.
 
         Raises
         ------
         RunError
-            With what is wrong, since when, and what to do.
+            With the broken law, the time, the position and a remedy.
         """
         health = model.health()
         (force, torque), (more, harder) = self.forces, health.forces
@@ -77,7 +77,7 @@ class Monitors:
         if wrong is not None:
             raise RunError(
                 f"{self._setup.scene.name}, {self._name}, t = {model.time:.6g}: {wrong}. "
-                f"{model.spot()} {self._remedy()}"
+                f"{model.failure_site()} {self._remedy()}"
             )
 
     def _look_at(self, health: Health, now: float) -> str | None:
@@ -106,26 +106,24 @@ class Monitors:
         return None
 
     def _remedy(self) -> str:
-        if self._setup.scheme == "paper":
-            return "Use a smaller time step or CFL number, or the scheme `accurate`."
-        return "Use a smaller tolerance or CFL number, or a finer grid."
+        return scheme_named(self._setup.scheme).remedy
 
 
 class Pace:
-    """The watch over the wall time: seconds so far, and those left at the present pace.
+    """The check of the wall time: the seconds that remain at the present pace.
 
     left = (end - t) dseconds/dt
 
-    The pace is taken over the first calls of `advance`, then over a second, and over twice as long each
-    time up to a minute. A short look at a start may mislead; so what is less than a minute long
-    counts only if the next look says the same. A run without an end is thus told within seconds.
+    The pace is measured over the first calls of `advance`, then over one second, then over windows that
+    double up to a minute. A short window at the start may mislead, so an estimate from less than a
+    minute counts only if the next one agrees. A run without an end is thus stopped within seconds.
 
     Parameters
     ----------
     end : float
         The last save time.
     longest : float
-        Seconds that the run may take in all, `limits.LONGEST_RUN` where nobody said so.
+        Seconds that the run may take in all, by default `limits.LONGEST_RUN`.
     """
 
     def __init__(self, end: float, longest: float) -> None:
@@ -138,7 +136,7 @@ class Pace:
         self._was_slow = False
 
     def look(self, model: Model, seconds: Callable[[], float]) -> str | None:
-        """What is wrong with the pace, if anything; `seconds` tells those spent, less compiling."""
+        """A message if the run is too slow; `seconds` returns those spent so far without compiling."""
         self._calls_left -= 1
         due = time.perf_counter() >= self._due
         if self._since is not None and not due and self._calls_left != 0:
@@ -148,7 +146,7 @@ class Pace:
             self._window = min(2.0 * self._window, self._enough)
         spent, before = seconds(), self._since
         self._since = (spent, model.time)
-        # A stationary state is iterated to, its time stands still: its iterations are counted.
+        # The time of an equilibrium stands still while it iterates; its own count of iterations ends it.
         if before is None or model.time == before[1]:
             return None
         lasted = spent - before[0]
@@ -159,7 +157,7 @@ class Pace:
         limits = model.counts().get("step_limits", "nothing")
         return (
             f"it would take {time_in_words(left)} more at the pace of the last "
-            f"{time_in_words(lasted)}. Steps are limited by: {limits}. {model.spot()} "
+            f"{time_in_words(lasted)}. Steps are limited by: {limits}. {model.failure_site()} "
             "Relax that (a larger tolerance or CFL number, fewer cells or particles), or allow it the "
             "time with --longest"
         )

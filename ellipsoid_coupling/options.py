@@ -1,4 +1,4 @@
-"""What several commands of the command line take alike, and how its numbers are read."""
+"""Options that several commands share, and the reading of whole numbers."""
 
 from __future__ import annotations
 
@@ -74,17 +74,17 @@ class Output:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Keeping(Output):
-    """How a run keeps what it has computed."""
+    """The options of a run's folder and checkpoints."""
 
     resume: Annotated[
         bool, Parameter(negative="", help="Continue the interrupted run in --out, bit for bit.")
     ] = False
     checkpoint_seconds: Annotated[
-        float, Parameter(help="Seconds between checkpoints: what a kill loses at most.")
+        float, Parameter(help="Seconds between checkpoints: the most that a kill loses.")
     ] = 15.0
     stop_after: Annotated[
         float | None,
-        Parameter(help="Write a checkpoint and stop (status 1) after so many seconds."),
+        Parameter(help="Write a checkpoint and stop (status 1) after this many seconds."),
     ] = None
     longest: Annotated[
         float,
@@ -92,7 +92,7 @@ class Keeping(Output):
     ] = LONGEST_RUN
 
     def check(self) -> None:
-        """Refuse numbers and folders that cannot be meant."""
+        """Refuse numbers out of range, and a folder that holds something."""
         if self.resume and self.out is None:
             raise InputError("--resume", "--out with the run's folder", "none", "Add --out.")
         if not 0.0 <= self.checkpoint_seconds < math.inf:
@@ -105,7 +105,7 @@ class Keeping(Output):
         if not self.longest > 0.0:
             raise InputError("--longest", "seconds above 0", f"{self.longest:g}", "Change it.")
 
-    def place(self, name: str) -> RunFolder:
+    def run_folder(self, name: str) -> RunFolder:
         """The run folder, `out` or a new results/`name`, which the run itself makes and claims."""
         from ellipsoid_coupling.storage.run_folder import RunFolder
 
@@ -121,14 +121,16 @@ class FlowChoice:
 
     flow: Annotated[
         Path | None,
-        Parameter(help="A solved 2-D OpenFOAM case, what foamToVTK wrote, or a saved flow (.npz)."),
+        Parameter(
+            help="A solved 2-D OpenFOAM case, the output of foamToVTK, or a saved flow (.npz)."
+        ),
     ] = None
     allow_misfit: Annotated[
         bool, Parameter(negative="", help="Take a flow even if it is far off the solver's U.")
     ] = False
 
     def wanted(self, name: str, scene: Scene) -> Wanted | FlowField:
-        """What --flow names; for the run.toml of an earlier run, else, that run's own flow."""
+        """The flow of --flow; without it, for the run.toml of an earlier run, that run's own flow."""
         from ellipsoid_coupling.flow import Wanted
         from ellipsoid_coupling.storage.run_flow import repeated_flow
 

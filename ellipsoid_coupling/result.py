@@ -1,4 +1,4 @@
-"""What a run gives: the saved times of one model on one scene, and how it went."""
+"""The result of a run: the saved times of one model on one scene, and the log of the run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
     "rho": ("density", "mean_angle", *_MOTION),
 }
 
-# What only some runs have: 1 for a particle that has left the flow's mesh, from then on.
+# A variable of some runs only: 1 for a particle that has left the flow's mesh, from then on.
 FROZEN = "frozen"
 MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN,), "q": (), "rho": ()}
 
@@ -94,6 +94,7 @@ class Result:
     times: Floats
     variables: dict[str, Floats]
     coordinates: dict[str, Floats]
+    # Any: a number or a text, which the name decides.
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -103,7 +104,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What should be known of a run that was completed: sentences, none where all is well."""
+        """Warnings of a run that was completed, as sentences; none if all is well."""
         return str(self.attributes.get("warnings", "")).splitlines()
 
     def density(self, cells: int = 30) -> Floats:
@@ -147,10 +148,7 @@ class Result:
             angles = zip(self.variables["angle"], self._frozen(), strict=True)
             return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
         if self.layout == "q":
-            if (
-                self.variables["density"].shape[1] == 1
-                and not terms_of(self.scene, self.model).angle
-            ):
+            if self.variables["density"].shape[1] == 1 and not terms_of(self.scene).angle:
                 return self._held_angles(bins)
             mass = self.variables["density"].sum(axis=(2, 3))
             total = mass.sum(axis=1, keepdims=True) * histograms.FULL_TURN / mass.shape[1]
@@ -279,9 +277,9 @@ class Result:
         self._check_attributes(where)
 
     def _check_attributes(self, where: str) -> None:
-        """InputError unless what the package itself shows or counts with is of its kind."""
-        told = {"model": self.model, "scheme": self.scheme, **self.attributes}
-        for name, value in told.items():
+        """InputError unless the attributes that the package shows or computes with have their type."""
+        attributes = {"model": self.model, "scheme": self.scheme, **self.attributes}
+        for name, value in attributes.items():
             is_text, is_number = isinstance(value, str), isinstance(value, int | float)
             if name in _TEXTS and not (is_text and shown(value) == value and len(value) < _LONGEST):
                 expected = f"text of at most {_LONGEST} printable characters"

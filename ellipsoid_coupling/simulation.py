@@ -1,4 +1,4 @@
-"""The only time loop: build a model on a scene, take it to each save time, keep what it was."""
+"""The only time loop: build a model on a scene, step it to each save time, and keep its snapshots."""
 
 from __future__ import annotations
 
@@ -22,16 +22,20 @@ from ellipsoid_coupling.files.signals import Interruption, noticed
 from ellipsoid_coupling.files.writing import Arrays
 from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_flow
 from ellipsoid_coupling.models import (
+    ADAPTIVE_SCHEME,
     Model,
     SchemeName,
     Setup,
     build_model,
+    kind_named,
+    model_terms,
     require_fit,
+    resolution_text,
     scheme_named,
 )
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
@@ -78,7 +82,7 @@ def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
 def simulate(
     scene: Scene,
     model: str,
-    scheme: SchemeName = "accurate",
+    scheme: SchemeName = ADAPTIVE_SCHEME,
     *,
     flow: FlowField | Wanted | str | Path | None = None,
     seed: int = 0,
@@ -111,32 +115,32 @@ def simulate(
         For a scene, model or flow that do not fit together, or a folder that may not be used;
         nothing has been written then.
     RunError
-        If the run failed; with a folder, what was reached stands in its result.nc with the status
+        If the run failed; with a folder, the save times that it reached are in result.nc with the status
         "failed: ...".
     Interrupted
-        After SIGTERM or SIGINT, or where it would take too long, with a folder only; its checkpoint
-        has been written.
+        With a folder only: after SIGTERM or SIGINT, or if the run would take too long; its checkpoint has
+        been written.
     """
-    place = RunFolder(folder) if isinstance(folder, Path) else folder
+    kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
     setup = _checked_setup(scene, model, scheme, seed, realisations)
-    if place is not None:
-        place.check()
-        place.check_same(*_identity(model, setup))
-    if not _names_flow(flow) and place is not None and place.keeps_flow:
-        field = run_flow(place.path, scene)
+    if kept_in is not None:
+        kept_in.check()
+        kept_in.check_same(*_identity(model, setup))
+    if not _names_flow(flow) and kept_in is not None and kept_in.keeps_flow:
+        field = run_flow(kept_in.path, scene)
     else:
         field = scene_flow(scene, flow, report)
-    return _Run(model, replace(setup, flow=field), place, report).go()
+    return _Run(model, replace(setup, flow=field), kept_in, report).go()
 
 
 def _checked_setup(
     scene: Scene, model: str, scheme: str, seed: int, realisations: int | None
 ) -> Setup:
-    """What is run, still without its flow; InputError for all that can be told wrong by then."""
+    """The setup, still without its flow; InputError for everything that can be refused without one."""
     setup = Setup(
         scene=scene,
-        terms=terms_of(scene, model),
-        scheme=scheme_named(scheme),
+        terms=model_terms(scene, model),
+        scheme=scheme_named(scheme).name,
         flow=None,
         seed=_whole("seed", seed, 0, MOST_SEED),
         realisations=scene.particles.realisations
@@ -148,7 +152,7 @@ def _checked_setup(
 
 
 def _whole(name: str, value: int, least: int, most: int) -> int:
-    """`value`, if it is a whole number within its bounds; numpy's are taken, True is not."""
+    """`value`, if it is a whole number within its bounds, Python's or numpy's; True is none."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not least <= value <= most:
         expected = f"a whole number from {least} to {most:g}"
@@ -156,7 +160,7 @@ def _whole(name: str, value: int, least: int, most: int) -> int:
     return int(value)
 
 
-def _identity(name: str, setup: Setup) -> tuple[dict[str, Any], dict[str, Any]]:
+def _identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, object]]:
     """The [run] and [scene] of run.toml: all that a repetition needs."""
     flow = setup.flow
     run = {
@@ -228,7 +232,7 @@ class _Run:
         return np.asarray(self.earlier + np.array([running, compiling]))
 
     def _keep(self, slow: str | None) -> None:
-        """A checkpoint where one is due or the run shall end here."""
+        """Write a checkpoint if one is due or the run must end here."""
         if self.folder is None:
             if slow:
                 raise RunError(f"{self._where()}: {slow}.")
@@ -262,7 +266,7 @@ class _Run:
     def _load_checkpoint(self, folder: RunFolder) -> None:
         arrays = folder.load()
         if arrays is None:
-            return  # ended before the first checkpoint: nothing to continue from but the start
+            return  # the run ended before its first checkpoint, and starts again
         where = str(folder.path / CHECKPOINT_FILE)
         times = self.setup.scene.times
         progress = checkpoint.unpack(arrays, self.model, times, where)
@@ -274,20 +278,24 @@ class _Run:
                 where, "the state of a sound run", str(error), "Remove it to start again."
             ) from None
 
+    def _resolution(self) -> str:
+        setup = self.setup
+        return resolution_text(self.name, setup.scheme, setup.scene, setup.realisations)
+
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
         result = Result(
             scene=self.setup.scene,
             model=self.name,
             scheme=self.setup.scheme,
-            layout=self.model.layout,
+            layout=kind_named(self.name).layout,
             times=np.array(self.setup.scene.times[: len(self.snapshots)]),
             variables=_stack(self.snapshots or [self.model.snapshot()], len(self.snapshots)),
             coordinates=self.model.coordinates(),
             attributes={
                 "status": status,
                 "seed": self.setup.seed,
-                "resolution": _resolution(self.model.layout, self.setup),
+                "resolution": self._resolution(),
                 "flow": self.setup.flow.origin if self.setup.flow else "none",
                 "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
@@ -304,7 +312,7 @@ class _Run:
 
 
 def _finished(folder: RunFolder) -> Result | None:
-    """The result of a run that has come to its end; None while there is none, or a failed one."""
+    """The result of a completed run; None without a result, or for a failed run."""
     if not folder.result.exists():
         return None
     result = Result.load(folder.path)
@@ -312,22 +320,9 @@ def _finished(folder: RunFolder) -> Result | None:
 
 
 def _stack(snapshots: list[Arrays], count: int) -> dict[str, Any]:
-    """The variables of all snapshots, which are emptied: both at once would take twice the memory."""
+    """The variables of all snapshots, which are emptied to save memory."""
     names = tuple(snapshots[0])
     if len(snapshots) == 1:
-        # As it is: to copy large fields takes as long as a step.
+        # No copy: copying large fields takes as long as a step.
         return {name: snapshots[0][name][None][:count] for name in names}
     return {name: np.stack([s.pop(name) for s in snapshots])[:count] for name in names}
-
-
-def _resolution(layout: str, setup: Setup) -> str:
-    numerics = setup.scene.numerics
-    if layout == "particles":
-        step = (
-            f"dt = {numerics.time_step:g}"
-            if setup.scheme == "paper"
-            else f"tolerance = {numerics.tolerance:g}"
-        )
-        return f"{setup.scene.particles.number} x {setup.realisations} particles, {step}"
-    angle = f", {numerics.angle_cells} angles" if layout == "q" else ""
-    return f"h = {numerics.cell:g}{angle}"

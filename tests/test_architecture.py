@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from ellipsoid_coupling.models import SCHEMES, model_names
+from ellipsoid_coupling.physics.closure import PRESSURE
+
 PACKAGE = Path(__file__).parents[1] / "ellipsoid_coupling"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 
@@ -45,16 +48,18 @@ ONLY_IN = {
 OF_NUMBA = {"prange", "get_num_threads", "set_num_threads"}
 # Modules that stand beside the packages: the story, and how it is told.
 LOOSE = 8
-# What stands in models/ beside the models themselves.
-SHARED_BY_MODELS = (
-    "__init__",
-    "base",
-    "failure_site",
-    "from_scene",
-    "particle_model",
-    "r_grid",
-    "run_warnings",
-)
+# Names of models, closures and schemes, and the files that may say them besides models/: registries of
+# closures and of the particles' schemes, the default of a scene file, and `walls.ghost_density`, whose kind
+# "paper" is no scheme.
+MODEL_AND_SCHEME_NAMES = {*model_names(), *SCHEMES, *PRESSURE}
+MAY_NAME: dict[str, set[str]] = {
+    "physics/closure.py": set(PRESSURE),
+    "particles/__init__.py": set(SCHEMES),
+    "particles/shared_clock.py": set(SCHEMES),
+    "scenes/scene.py": {"accurate", "paper"},
+    "interaction/walls.py": {"paper"},
+    "compare/stability/cases.py": {"paper"},
+}
 # One reader, three sources of OpenFOAM data: see ellipsoid_coupling/flow.
 GPL = {"foamlib", "fluidfoam", "PyFoam"}
 
@@ -129,13 +134,33 @@ def test_few_modules_stand_beside_the_packages() -> None:
     assert len(list(PACKAGE.glob("*.py"))) <= LOOSE
 
 
+def is_model(source: Path) -> bool:
+    """Whether a file of models/ names its class `MODEL`."""
+    assigned = [node for node in ast.parse(source.read_text()).body if isinstance(node, ast.Assign)]
+    return any(
+        isinstance(t, ast.Name) and t.id == "MODEL" for node in assigned for t in node.targets
+    )
+
+
 def test_no_model_imports_another() -> None:
-    for source in (PACKAGE / "models").glob("*.py"):
-        if source.stem in SHARED_BY_MODELS:
-            continue
-        allowed = {f"ellipsoid_coupling.models.{shared}" for shared in SHARED_BY_MODELS}
-        models = {m for m in imported(source) if m.startswith("ellipsoid_coupling.models")}
-        assert models <= allowed, source.name
+    files = {source.stem: source for source in (PACKAGE / "models").glob("*.py")}
+    models = {name for name, source in files.items() if is_model(source)}
+    assert len(models) > 1
+    for name in models:
+        others = {f"ellipsoid_coupling.models.{other}" for other in models - {name}}
+        assert not others & set(imported(files[name])), name
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_nobody_asks_for_the_name_of_a_model_or_scheme(source: Path) -> None:
+    """Models and schemes declare properties (`ModelKind`, `Scheme`); their names stand in models/."""
+    if relative(source).startswith("models/"):
+        return
+    constants = (
+        node for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.Constant)
+    )
+    named = {c.value for c in constants if isinstance(c.value, str)} & MODEL_AND_SCHEME_NAMES
+    assert named <= MAY_NAME.get(relative(source), set())
 
 
 def test_scenes_import_none_of_the_package_but_how_to_read() -> None:

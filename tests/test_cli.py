@@ -191,7 +191,7 @@ def test_both_ways_to_start_it() -> None:
         (["run", "rotation", "--model", "microscopic"], "simulation.simulate"),
         (["compare", "rotation"], "compare.run_frontier"),
         (["stability", "--quick"], "compare.stability.map_stability"),
-        (["flow", "cavity"], "flow.openfoam.solve_case"),
+        (["flow", "cavity"], "flow.openfoam.solve.solve_case"),
     ],
 )
 def test_a_command_says_something_before_its_work_begins(

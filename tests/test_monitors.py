@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.models import Model, Setup, build_model
+from ellipsoid_coupling.models import Model, Setup, build_model, model_terms
 from ellipsoid_coupling.monitors import Monitors, Pace
-from ellipsoid_coupling.scenes import terms_of
 from ellipsoid_coupling.simulation import scene_flow
 
 Floats = NDArray[np.float64]
@@ -35,7 +34,7 @@ def started(name: str, scheme: Any = "accurate", **changes: Any) -> tuple[Monito
     """A model two calls after its start, and the watch over it."""
     scene = ec.load_scene("rotation", SMALL | changes)
     flow = scene_flow(scene)
-    setup = Setup(scene, terms_of(scene, name), scheme, flow, 0, 2)
+    setup = Setup(scene, model_terms(scene, name), scheme, flow, 0, 2)
     model = build_model(name, setup)
     monitors = Monitors(name, setup, model)
     for _ in range(2):
@@ -53,9 +52,9 @@ def stores(model: Any) -> Any:
 @pytest.mark.parametrize("name", MODELS)
 def test_sound_runs_pass_and_know_their_strongest_term(name: str, scheme: Any) -> None:
     _, model = started(name, scheme)
-    spot = model.spot()
-    assert all(np.isfinite(value) for value in (*spot.place, *spot.terms.values()))
-    assert "The strongest term is" in str(spot)
+    site = model.failure_site()
+    assert all(np.isfinite(value) for value in (*site.position, *site.strengths.values()))
+    assert "The strongest term is" in str(site)
     health = model.health()
     assert health.mass == pytest.approx(model.counts()["mass_end"], rel=1e-12)
     assert health.least_density >= 0.0
@@ -139,12 +138,12 @@ def test_the_fluids_pull_is_named() -> None:
     The force is that of the step's prediction, a tolerance (1e-4) beside the place.
     """
     _, model = started("microscopic", interaction=None)
-    spot = model.spot()
-    assert spot.terms["interaction and walls"] == pytest.approx(0.0, abs=1e-3)
+    site = model.failure_site()
+    assert site.strengths["interaction and walls"] == pytest.approx(0.0, abs=1e-3)
     drag = ec.load_scene("rotation").flow
     assert drag is not None
-    assert spot.terms["the fluid"] == pytest.approx(
-        drag.drag * np.hypot(spot.place[0], spot.place[1]), rel=1e-3
+    assert site.strengths["the fluid"] == pytest.approx(
+        drag.drag * np.hypot(site.position[0], site.position[1]), rel=1e-3
     )
 
 
@@ -172,7 +171,7 @@ class Clock:
     def counts(self) -> dict[str, str]:
         return {"step_limits": "rotation 100 %"}
 
-    def spot(self) -> str:
+    def failure_site(self) -> str:
         return "The torque."
 
 

@@ -3,7 +3,7 @@
     .venv/bin/python workflows/benchmark.py [--quick] [--out DIR]
 
 Medians after a warm-up, compiling apart. Prints a table and writes benchmark.json. Nothing here
-passes or fails by a clock: the column `aim` is what the project asks for, to be read beside what this
+passes or fails by a clock: the column `aim` is the project's aim, to be read beside what this
 machine gave.
 """
 
@@ -64,14 +64,14 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     columns = ("work", "aim", "measured", "beside it")
     print_table(f"{os.cpu_count()} cores; {title}", columns, [row.words for row in rows])
     path = folder / "benchmark.json"
-    told = {
+    table = {
         "machine": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "limits": machine,
         "rows": [row._asdict() for row in rows],
     }
     with whole_file(path) as beside:
-        beside.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        beside.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(f"{folder}\n")
     return path
 

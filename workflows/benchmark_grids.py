@@ -28,7 +28,7 @@ from ellipsoid_coupling.simulation import scene_flow
 
 SHAPE = potential_shape(0.1, 0.05)
 SPACING = 0.02
-# Of the rho integral. They bound any field of angles; what comes out here is a tenth of them.
+# Tolerances of the rho integral. They bound any field of angles; the measured errors are a tenth of them.
 TOLERANCES = (7e-2, 5e-2, 2e-2, 1e-4)
 
 
@@ -162,12 +162,12 @@ def _rho_integral_row(sizes: Sizes) -> Row:
         fast = choose_interaction(grid, h, shape, 1.0, tolerance)
         errors.append(float(np.abs(fast(density, angle).x - exact).max() / np.abs(exact).max()))
         times.append(seconds(partial(fast, density, angle), sizes.repeats))
-    told = ", ".join(f"{slow / t:.1f}x at {e:.1e}" for t, e in zip(times, errors, strict=True))
+    texts = ", ".join(f"{slow / t:.1f}x at {e:.1e}" for t, e in zip(times, errors, strict=True))
     wanted = ", ".join(f"{tolerance:g}" for tolerance in TOLERANCES)
     return Row(
         f"rho integral {grid[0]}x{grid[1]}",
         "12x the direct sum at 5e-3, faster at 1e-4",
-        told,
+        texts,
         f"{', '.join(f'{1e3 * t:.1f}' for t in times)} ms; direct {1e3 * slow:.0f} ms; "
         f"tolerances {wanted}",
         {f"ratio_{k}": slow / t for k, t in enumerate(times)},
@@ -236,7 +236,7 @@ def _step_cost(name: str, cells: int, angles: int, repeats: int) -> float:
 
 def _growth_row(sizes: Sizes) -> Row:
     """A step of the rho-equation and of a q-equation without interaction: ns a cell."""
-    told: list[str] = []
+    texts: list[str] = []
     numbers: dict[str, float] = {}
     starts = (
         ("rho_mono_kinetic", sizes.rho_cells, 1),
@@ -248,13 +248,13 @@ def _growth_row(sizes: Sizes) -> Row:
             n = cells * factor
             each.append(1e9 * _step_cost(model, n, angles, sizes.repeats) / (n * n * angles))
         spread = 100 * (max(each) / min(each) - 1)
-        told.append(f"{model} {' / '.join(f'{t:.1f}' for t in each)} (+{spread:.0f} %)")
+        texts.append(f"{model} {' / '.join(f'{t:.1f}' for t in each)} (+{spread:.0f} %)")
         numbers |= {f"{model}_{k}": t for k, t in enumerate(each)}
     grids = " and ".join("x".join(map(str, [n, n, a] if a > 1 else [n, n])) for _, n, a in starts)
     return Row(
         "rho and q, 64-fold cells",
         "cost per cell flat within 25 %",
-        f"{'; '.join(told)} ns a cell and step",
+        f"{'; '.join(texts)} ns a cell and step",
         f"each four grids, from {grids} cells on, all of them with mass",
         numbers,
     )

@@ -58,7 +58,7 @@ def cloud(count: int, side: float, seed: int = 0) -> tuple[Floats, Floats]:
 
 
 def side_for(count: int, neighbours: float) -> float:
-    """The square in which a particle has so many neighbours within reach, but for the edges."""
+    """The square in which a particle has this many neighbours within reach, away from the edges."""
     return math.sqrt(count * math.pi * SHAPE.reach**2 / neighbours)
 
 
@@ -136,12 +136,12 @@ def _large_clouds_row(sizes: Sizes) -> Row:
         for threads, each in ((1, one), (2, two)):
             time = with_threads(threads, partial(seconds, work, min(sizes.repeats, 5)))
             each.append(1e9 * time / count)
-    told = [" / ".join(f"{t:.0f}" for t in each) for each in (two, one)]
+    texts = [" / ".join(f"{t:.0f}" for t in each) for each in (two, one)]
     spread = [100 * (max(each) / min(each) - 1) for each in (two, one)]
     return Row(
         f"microscopic, {NEIGHBOURS} neighbours, N = " + ", ".join(f"{n:.0e}" for n in sizes.clouds),
         "cost per particle flat within 15 %",
-        f"{told[0]} ns a particle and evaluation on two threads, {told[1]} on one",
+        f"{texts[0]} ns a particle and evaluation on two threads, {texts[1]} on one",
         f"+{spread[0]:.0f} % and +{spread[1]:.0f} %; one realisation has all threads",
         {f"ns_{count}": value for count, value in zip(sizes.clouds, two, strict=True)}
         | {f"one_thread_ns_{count}": value for count, value in zip(sizes.clouds, one, strict=True)},
@@ -151,7 +151,7 @@ def _large_clouds_row(sizes: Sizes) -> Row:
 def _samples_row(sizes: Sizes) -> Row:
     """Samples all over the cavity, and in its start box, where the grid's transforms are short."""
     interaction = SampleInteraction((0.0, 1.0), (0.0, 1.0), SHAPE, WIDTH, 1.0, 2e-2)
-    told: list[str] = []
+    texts: list[str] = []
     numbers: dict[str, float] = {}
     for where, side in (("box", 0.2), ("cavity", 1.0)):
         each = []
@@ -162,12 +162,12 @@ def _samples_row(sizes: Sizes) -> Row:
             force = np.zeros_like(place)
             work = partial(interaction.add_forces, place, (1.0, 1.0), force)
             each.append(1e9 * seconds(work, min(sizes.repeats, 3)) / count)
-        told.append(f"{where} {' / '.join(f'{t:.0f}' for t in each)}")
+        texts.append(f"{where} {' / '.join(f'{t:.0f}' for t in each)}")
         numbers |= {f"{where}_ns_{n}": t for n, t in zip(sizes.samples, each, strict=True)}
     return Row(
         "mckean_vlasov, interaction, S = " + ", ".join(f"{n:.0e}" for n in sizes.samples),
         "cost per sample flat within 15 %",
-        "; ".join(told) + " ns a sample and evaluation",
+        "; ".join(texts) + " ns a sample and evaluation",
         "falls while the grid's transforms are shared by more samples",
         numbers,
     )

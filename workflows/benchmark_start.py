@@ -1,4 +1,4 @@
-"""What a user waits for and needs: help, the first step, the first compile, memory."""
+"""Waiting times and memory of a user: help, the first step, the first compile, peak memory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").rea
 
 
 def bytes_a_particle(few: int, many: int) -> float:
-    """What the peak memory of a whole run grows by, start and result included."""
+    """The growth of a whole run's peak memory, start and result included."""
     peaks = [
         int(
             subprocess.run(

@@ -1,4 +1,4 @@
-"""What the benchmarks share: timing, rows of the table, the machine's own limits."""
+"""Shared by the benchmarks: timing, rows of the table, the machine's own limits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 
 class Row(NamedTuple):
-    """One line: what was done, what is asked for, what came out, the rival; numbers for the JSON."""
+    """One line: the task, its aim, the measured value, the rival's; numbers for the JSON."""
 
     work: str
     aim: str
@@ -30,7 +30,7 @@ class Row(NamedTuple):
 
     @property
     def words(self) -> tuple[str, str, str, str]:
-        """What the table shows."""
+        """The texts of the table's row."""
         return self.work, self.aim, self.measured, self.beside
 
 
@@ -73,7 +73,7 @@ def seconds(work: Callable[[], object], repeats: int) -> float:
 
 
 def step_seconds(model: Model, until: float, calls: int) -> float:
-    """The median time of a tried step of `model`, over so many calls after one that warms up."""
+    """The median time of a tried step of `model`, over this many calls after a warm-up."""
     clock = model.state()["clock"]
     times = []
     for _ in range(calls + 1):

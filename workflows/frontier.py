@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
             scene = load_scene(name, quick_settings(name) if options.quick else {})
             flow = scene_flow(scene, None, report)
             frontiers.append(run_frontier(scene, flow, longest=longest, report=report))
-            # After each scene: what is there already survives an interruption.
+            # After each scene, so that its results survive an interruption.
             write_choices(frontiers, folder)
     report_frontiers(frontiers, folder)
     sys.stdout.write(f"{folder}\n")
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
 
 
 def quick_settings(name: str) -> dict[str, Any]:
-    """Tiny ensembles, and what makes the scene quick."""
+    """Tiny ensembles, and the other settings that make the scene quick."""
     return QUICK | QUICK_SCENES.get(name, {})
 
 

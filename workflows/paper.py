@@ -28,7 +28,7 @@ from paper_runs import (
     judge_both,
     run_scene,
     scene_figures,
-    told,
+    text_of,
 )
 from paper_stationary import stationary
 
@@ -38,18 +38,18 @@ from ellipsoid_coupling.output.figures import draw_convergence, draw_sketch, fit
 from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.simulation import scene_flow
 
-# Bounds of the verdicts: each follows from the words that it stands for, not from what came out.
+# Bounds of the verdicts: each follows from the paper's words, not from the results.
 # Distances are L1 sums over 20 x 20 cells or 60 angles (`compare.distances`): twice the part of the mass
 # that lies in another bin, 2 is no overlap.
 # "Very good agreement": less than a twentieth of the mass lies elsewhere, which no panel shows.
 VERY_GOOD = 0.1
 # "Alike", "follows", "captures", "good agreement": a tenth, which a reader of two panels forgives.
 ALIKE = 0.2
-# "Deviates": a fifth; what is between the two is neither.
+# "Deviates": a fifth; between the two it is neither.
 DEVIATES = 0.4
-# "Better", "closer", "sooner": by a tenth at least, as seeds alone move what is compared by some percent.
+# "Better", "closer", "sooner": by a tenth at least, because seeds alone change a result by some percent.
 BETTER = 0.9
-# "Costs much more": what would be told without a clock.
+# "Costs much more": a difference that is seen without a clock.
 MUCH_MORE = 5.0
 # "A sharp peak": so much of the mass in one angle of 60.
 PEAK = 0.9
@@ -103,7 +103,7 @@ def top_bottom(page: Page) -> None:
             wide[LIMIT] = spread(runs.limit)[:1]
         holds = wide["rho_mono_kinetic"][0] < BETTER * wide["microscopic"][0]
         return bool(holds), (
-            f"rms angle at the first time: {told(wide)}. The microscopic spread is a finite-N effect: "
+            f"rms angle at the first time: {text_of(wide)}. The microscopic spread is a finite-N effect: "
             "the mean-field limit, which q and rho approximate, keeps the angle near 0; a first-order "
             "q scheme spreads it numerically"
         )
@@ -154,6 +154,7 @@ def approach_of_the_limit(page: Page, limit: float) -> None:
         page.tell_run(result)
         beyond.append(math.sqrt(float(spread(result)[0]) ** 2 - limit**2))
     path = draw_convergence(
+        "microscopic",
         numbers,
         beyond,
         page.folder / "top_bottom_limit.png",
@@ -196,7 +197,7 @@ def rotation(page: Page) -> None:
     def better(results: dict[str, Result]) -> tuple[bool, str]:
         away = {model: angle for model, (_, angle) in distances(results).items()}
         q, rho = (away[model] for model in closures)
-        return bool(np.all(q < BETTER * rho)), f"L1 angle: {told(away)}"
+        return bool(np.all(q < BETTER * rho)), f"L1 angle: {text_of(away)}"
 
     for statement, decide in (
         (
@@ -232,7 +233,7 @@ def cavity(page: Page) -> None:
     def slight(results: dict[str, Result]) -> tuple[bool, str]:
         angle = distances(results)["rho_mono_kinetic"][1]
         holds = angle[0] < angle[-1] < DEVIATES
-        return bool(holds), f"L1 angle, growing, bound {DEVIATES:g}: {told({'rho': angle})}"
+        return bool(holds), f"L1 angle, growing, bound {DEVIATES:g}: {text_of({'rho': angle})}"
 
     def sooner(results: dict[str, Result]) -> tuple[bool, str]:
         lid = {m: float(result.density(20)[-1, -1].sum() / 400) for m, result in results.items()}

@@ -40,7 +40,7 @@ _PARTS = (
 class Verdict:
     """A statement of the paper, whether it reproduces, and the number that decides it.
 
-    scheme : what the runs were made with: "paper", "accurate", or "" where there is one kind of runs
+    scheme : of the runs: "paper", "accurate", or "" if there is one kind of runs
     """
 
     statement: str
@@ -51,7 +51,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Difference:
-    """What keeps a grid model from the microscopic ensemble at one time, as L1 distances.
+    """The parts of a grid model's L1 distance to the microscopic ensemble at one time.
 
     scheme : the model with the paper's scheme to itself with `accurate`
     closure : the model with `accurate` to `mckean_vlasov`
@@ -69,7 +69,7 @@ class Difference:
 
 @dataclass
 class Page:
-    """What has been gathered so far."""
+    """The contents of the page so far."""
 
     folder: Path
     quick: bool
@@ -89,11 +89,11 @@ class Page:
         self.verdicts.append(verdict)
 
     def tell_run(self, result: Result) -> None:
-        """A finished run: what it was and what it took."""
-        told = result.attributes
+        """Add a finished run: its resolution, its steps and its seconds."""
+        attributes = result.attributes
         crossing = (
-            f", characteristics crossed at {told['crossing_time']:.3g}"
-            if "crossing_time" in told
+            f", characteristics crossed at {attributes['crossing_time']:.3g}"
+            if "crossing_time" in attributes
             else ""
         )
         self.runs.append(
@@ -101,9 +101,9 @@ class Page:
                 result.scene.name,
                 result.model,
                 result.scheme,
-                str(told["resolution"]),
-                f"{told['wall_seconds']:.1f}",
-                f"{told['steps']:.0f} steps{crossing}",
+                str(attributes["resolution"]),
+                f"{attributes['wall_seconds']:.1f}",
+                f"{attributes['steps']:.0f} steps{crossing}",
             )
         )
 

@@ -72,7 +72,7 @@ def run_scene(
 
 
 def tell_differences(page: Page, runs: Runs) -> None:
-    """What keeps each grid model from the microscopic ensemble: scheme, closure, finite N."""
+    """The parts of each grid model's distance to the microscopic ensemble: scheme, closure, finite N."""
     own, accurate = runs.by_scheme["paper"], runs.by_scheme["accurate"]
     ensemble = accurate.get("microscopic")
     if ensemble is None or runs.limit is None:
@@ -139,7 +139,7 @@ def distances(
     return {model: (found.density[early], found.angle[early]) for model, found in errors.items()}
 
 
-def told(found: dict[str, Floats]) -> str:
+def text_of(found: dict[str, Floats]) -> str:
     """Numbers by model, in words."""
     return "; ".join(
         f"{model} {', '.join(f'{value:.2f}' for value in values)}"
@@ -159,4 +159,4 @@ def all_within(
     away = distances(results, before)
     chosen = {model: away[model][index] for model in models}
     holds = all(np.all(values <= bound) for values in chosen.values())
-    return holds, f"L1 {kind}, bound {bound:g}: {told(chosen)}"
+    return holds, f"L1 {kind}, bound {bound:g}: {text_of(chosen)}"

@@ -1,4 +1,4 @@
-"""How far results are apart, what they cost, and where the schemes stay stable."""
+"""Distances between results, their cost, and the stability of the schemes."""
 
 from ellipsoid_coupling.compare.cheapest import Choice, choose, pareto_front
 from ellipsoid_coupling.compare.distances import Errors, errors_against, sampling_errors
@@ -9,7 +9,7 @@ from ellipsoid_coupling.compare.frontier import (
     FrontierRow,
     run_frontier,
 )
-from ellipsoid_coupling.compare.quick_comparison import compare_runs, short_cases, short_frontier
+from ellipsoid_coupling.compare.quick_comparison import compare_runs, short_frontier, short_runs
 from ellipsoid_coupling.compare.table import write_table
 
 __all__ = [
@@ -26,7 +26,7 @@ __all__ = [
     "pareto_front",
     "run_frontier",
     "sampling_errors",
-    "short_cases",
     "short_frontier",
+    "short_runs",
     "write_table",
 ]

@@ -12,7 +12,7 @@ TARGETS = (0.10, 0.03, 0.01)
 
 
 class ErrorRow(Protocol):
-    """One run: what it was, how long it took, its errors at the saved times."""
+    """One run: its model and resolution, its seconds, and its errors at the saved times."""
 
     @property
     def model(self) -> str:

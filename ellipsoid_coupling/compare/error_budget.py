@@ -1,27 +1,27 @@
-"""What an error is made of: discretisation, closure, finite N and sampling.
+"""The parts of an error: discretisation, closure, finite N and sampling.
 
-B(X) are the binned masses of a run X at one saved time (20 x 20 cells, or 60 angles,
-see `compare.distances`), |.| the sum of
-absolute values over the bins, Y the yardstick: the exact solution where there is one, else the refined
-`mckean_vlasov`. E is the mean over realisations. Every part is an L1 distance:
+B(X) are the binned masses of a run X at one saved time (20 x 20 cells, or 60 angles, see
+`compare.distances`), |.| is the sum of absolute values over the bins, and Y the reference: the exact
+solution where there is one, else the refined samples of the limit. E is the mean over realisations.
+Every part is an L1 distance:
 
     total           |B(X) - Y|
     discretisation  |E B(X) - R|       R: the same model, refined
     closure         |R - Y|            of a grid model
-    finite N        |R - Y|            of `microscopic`
+    finite N        |R - Y|            of an ensemble of particles
     sampling        E |B(X) - E B(X)|  of a random run
 
 so that, by the triangle inequality, total <= the sum of the parts. R is
 
     grids           B_1 + (B_1 - B_2)/((h_2/h_1)^p - 1), the finest run of the scheme `accurate` and
-                    the next that is half as wide again, p = 2 its order, no bin below 0. Its
+                    the next whose spacing is half as wide again, p = 2 its order, no bin below 0. Its
                     uncertainty is |B_1 - B_2| or, where the distances from level to level fall by
                     less than half, the sum of those still to come, |B_1 - B_2| q/(1 - q) with
-                    q = |B_1 - B_2|/|B_2 - B_3|. Above some 0.1 R means little; a closure below
-                    three times it is not resolved
-    microscopic     an ensemble with the scene's own number of realisations, a finer tolerance and
+                    q = |B_1 - B_2|/|B_2 - B_3|. An R whose uncertainty is above 0.1 means little; a
+                    closure below three times the uncertainty is not resolved
+    particles       an ensemble with the scene's own number of realisations, a finer tolerance and
                     the same start positions
-    mckean_vlasov   Y
+    samples         Y
 
 Expectations of random runs. The bins come in K independent groups (realisations, or blocks of
 samples); |mean of their differences d| would count the noise of the mean as an error. The groups are
@@ -29,8 +29,8 @@ put into eight folds (fewer where there are fewer groups) with means d_f, and
 
     |E d| ~ mean over f of sum_bins sign(mean of the other d_g, g /= f) d_f
 
-a fold's noise is independent of the sign that the others give it, so that noise adds nothing: 0
-where E d = 0, and |E d| where it stands out of the noise; bins that do not are missing. Sampling is
+The noise of a fold is independent of the sign that the others give it, so that noise adds nothing: the
+estimate is 0 where E d = 0, and |E d| where that exceeds the noise; other bins are missing. Sampling is
 the bootstrap: groups drawn with replacement from a pool of them, and the mean L1 distance of the
 draws from the pool. With a single realisation no noise is taken out.
 """
@@ -38,7 +38,7 @@ draws from the pool. With a single realisation no noise is taken out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,7 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
     size = group_size * int(np.ceil(total // group_size / MOST_GROUPS))
     count = total // size
 
-    def grouped(values: NDArray[Any]) -> NDArray[Any]:
+    def grouped(values: NDArray[np.generic]) -> NDArray[np.generic]:
         return values.reshape(times, -1)[:, : count * size].reshape(times, count, size)
 
     x, y, angle = (grouped(result.variables[name]) for name in ("x", "y", "angle"))
@@ -135,8 +135,8 @@ def _bin_groups(result: Result, group_size: int) -> Bins:
         for t in range(times):
             gone = None if frozen is None else frozen[t, k]
             ranges = domain.x, domain.y, DENSITY_CELLS
-            found = particle_density(x[t, k], y[t, k], *ranges, gone)
-            density[k, t] = found.ravel() * area
+            cells = particle_density(x[t, k], y[t, k], *ranges, gone)
+            density[k, t] = cells.ravel() * area
             turned = angle[t, k] + 0.5 * width  # as in `centred_angles`
             angles[k, t] = particle_angles(turned, ANGLE_BINS, gone) * width
     return Bins(density, angles, size)
@@ -157,9 +157,9 @@ def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: int = ORDER) -> B
     weight = 1.0 / (ratio**order - 1.0)
 
     def further(near: Floats, far: Floats) -> Floats:
-        found = np.maximum(near + weight * (near - far), 0.0)
-        mass, target = found.sum(axis=-1, keepdims=True), near.sum(axis=-1, keepdims=True)
-        return np.asarray(found * target / np.maximum(mass, 1e-300))
+        refined = np.maximum(near + weight * (near - far), 0.0)
+        mass, target = refined.sum(axis=-1, keepdims=True), near.sum(axis=-1, keepdims=True)
+        return np.asarray(refined * target / np.maximum(mass, 1e-300))
 
     return Bins(further(fine.density, coarse.density), further(fine.angle, coarse.angle), 0)
 
@@ -173,11 +173,11 @@ def remaining_distance(fine: Bins, middle: Bins, coarse: Bins | None) -> Errors:
     if coarse is None:
         return last
     before = distance(middle, coarse)[0]
-    found = []
+    distances = []
     for d, d_before in ((last.density, before.density), (last.angle, before.angle)):
         ratio = np.minimum(d / np.maximum(d_before, 1e-300), 1.0 - 1e-3)
-        found.append(np.minimum(d * np.maximum(1.0, ratio / (1.0 - ratio)), _NO_OVERLAP))
-    return Errors(*found)
+        distances.append(np.minimum(d * np.maximum(1.0, ratio / (1.0 - ratio)), _NO_OVERLAP))
+    return Errors(*distances)
 
 
 def expected_l1(differences: Floats) -> Estimate:
@@ -213,22 +213,22 @@ def distance(a: Bins, b: Bins) -> tuple[Errors, Errors]:
     return Errors(density.value, angle.value), Errors(density.spread, angle.spread)
 
 
-def total_error(run: Bins, yardstick: Bins) -> Errors:
-    """|B(run) - Y|, the run's own noise included, the yardstick's taken out as far as it has groups."""
+def total_error(run: Bins, reference: Bins) -> Errors:
+    """|B(run) - Y| with the run's own noise, and without the reference's as far as that has groups."""
     whole = Bins(run.density.mean(axis=0)[None], run.angle.mean(axis=0)[None], 0)
-    return distance(whole, yardstick)[0]
+    return distance(whole, reference)[0]
 
 
 def sampling_error(pool: Bins, samples: int) -> Errors:
-    """E |B - E B| of a run with so many samples, by bootstrap over the groups of `pool`.
+    """E |B - E B| of a run with this number of samples, by bootstrap over the groups of `pool`.
 
-    A run smaller than one group is told from one group by the law 1/sqrt(samples). The pool's finite
+    A run smaller than one group is estimated from one group by the law 1/sqrt(samples). The pool's finite
     number K of groups makes the draws' spread too small by sqrt(1 - 1/K), which is put right.
 
     Raises
     ------
     ValueError
-        For a pool of fewer than two groups: nothing tells its spread.
+        For a pool of fewer than two groups, whose spread is unknown.
     """
     count = pool.density.shape[0]
     if count < 2:
@@ -237,8 +237,8 @@ def sampling_error(pool: Bins, samples: int) -> Errors:
     generator = np.random.default_rng(0)
     chosen = generator.multinomial(groups, np.full(count, 1.0 / count), size=_DRAWS) / groups
     scale = np.sqrt(groups * pool.samples / samples * count / (count - 1.0))
-    found = []
+    errors = []
     for values in (pool.density, pool.angle):
         draws = np.tensordot(chosen, values, axes=1) - values.mean(axis=0)
-        found.append(scale * np.abs(draws).sum(axis=-1).mean(axis=0))
-    return Errors(*found)
+        errors.append(scale * np.abs(draws).sum(axis=-1).mean(axis=0))
+    return Errors(*errors)

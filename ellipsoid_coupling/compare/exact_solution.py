@@ -1,8 +1,8 @@
 """The exact solution where particles do not interact: sample points pushed at high order.
 
-Without interaction and noise every particle is an ordinary differential equation of its own; evenly
-spread sample points of the start box, pushed by the classical fourth-order Runge-Kutta rule with a
-step that resolves the drag, give every model's exact density and angle distribution.
+Without interaction and noise every particle follows an ordinary differential equation of its own. Evenly
+spread sample points of the start box, pushed by the classical fourth-order Runge-Kutta rule with a step
+that resolves the drag, give the density and the distribution of angles that all models approximate.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
-from ellipsoid_coupling.models import Arrays, Setup
+from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
 from ellipsoid_coupling.models.flow_fit import require_fitting, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_rates
 from ellipsoid_coupling.models.particle_model import none_frozen, particle_snapshot, scene_limits
@@ -118,11 +119,8 @@ def _push_all(
 
 def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
     """Side x side midpoints of the start box and the start angle, (tasks, D, points)."""
-    part = (np.arange(side) + 0.5) / side
-    x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
-    y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
-    x_all, y_all = (a.ravel() for a in np.meshgrid(x, y))
-    points = np.array([x_all, y_all, np.full(side * side, scene.start.own_angle)])[:degrees]
+    x, y = even_points(scene.start.x, scene.start.y, side, side).reshape(2, -1)
+    points = np.array([x, y, np.full(side * side, scene.start.own_angle)])[:degrees]
     return np.ascontiguousarray(points.reshape(degrees, -1, _POINTS_PER_TASK).transpose(1, 0, 2))
 
 
@@ -151,7 +149,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
             "Compare with the microscopic ensemble instead.",
         )
     require_fitting(scene, flow)
-    setup = Setup(scene, terms_of(scene), "accurate", flow, 0, 1)
+    setup = Setup(scene, terms_of(scene), ADAPTIVE_SCHEME, flow, 0, 1)
     limits = scene_limits(setup, scene.particles.number)
     terms = scene_drift(setup), scene_rates(setup).damping, limits
     damping = terms[1]
@@ -180,7 +178,7 @@ def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
     }
     return Result(
         scene=scene,
-        model="microscopic",
+        model="exact",
         scheme="runge_kutta_4",
         layout="particles",
         times=np.array(scene.times),

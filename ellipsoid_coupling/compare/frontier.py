@@ -1,7 +1,7 @@
-"""Error against run time: every model and scheme at several resolutions, against one yardstick.
+"""Error against run time: every model and scheme at several resolutions, against one reference.
 
-`run_frontier` climbs the ladder (`compare.resolutions`) of every model that fits the scene, times each
-level (`compare.timing`) and splits its error into parts (`compare.error_budget`).
+`run_frontier` refines every model that fits the scene (`compare.resolutions`), times each level
+(`compare.timing`) and splits its error into parts (`compare.error_budget`).
 """
 
 from __future__ import annotations
@@ -23,41 +23,45 @@ from ellipsoid_coupling.compare.error_budget import (
     sampling_error,
     total_error,
 )
-from ellipsoid_coupling.compare.reference_solution import Yardstick, make_yardstick, own_sampling
-from ellipsoid_coupling.compare.resolutions import Ladder, Level, make_ladder
+from ellipsoid_coupling.compare.reference_solution import Reference, make_reference, own_sampling
+from ellipsoid_coupling.compare.resolutions import Level, Refinement, make_refinement
 from ellipsoid_coupling.compare.timing import Bench, Timed
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import SCHEMES
+from ellipsoid_coupling.models import (
+    ADAPTIVE_SCHEME,
+    SCHEMES,
+    ModelKind,
+    model_kinds,
+    resolution_text,
+)
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.simulation import Report
 
-FRONTIER_MODELS = (
-    "microscopic",
-    "mckean_vlasov",
-    "q_maxwellian",
-    "q_mono_kinetic",
-    "rho_mono_kinetic",
-    "diffusive",
-)
 LONGEST = 60.0
 
-# Of the spacings of two levels that are extrapolated: nearer ones would magnify what is not of order h^p.
+# Ratio of the spacings of two levels that are extrapolated: closer ones would magnify all errors that
+# are not of order h^p.
 _LEAST_RATIO = 1.45
-# So many levels are tried whatever the one before took: after a crossing of characteristics a coarse
+# This many levels are tried whatever the prediction is: after a crossing of characteristics a coarse
 # grid may take more steps than a fine one. A run that takes too long is stopped.
 _TRIED = 4
 
 
+def frontier_models() -> list[str]:
+    """The models that are compared by default: all but equilibria, which have no time to run."""
+    return [kind.name for kind in model_kinds() if not kind.equilibrium]
+
+
 @dataclass(frozen=True)
 class FrontierRow:
-    """One row: what was run, how long it took, how far it was off at each saved time.
+    """One run: its model and resolution, its seconds, and its errors at the saved times.
 
     density_errors, angle_errors : L1 distances to the reference, one a saved time.
     wall_seconds : the best of `repeats` runs; `median_seconds` their median.
     parts : of the errors; None where they were not split.
-    warnings : what the run tells, see `Result.warnings`.
+    warnings : see `Result.warnings`.
     """
 
     scene: str
@@ -76,10 +80,10 @@ class FrontierRow:
 
 @dataclass(frozen=True)
 class Frontier:
-    """All rows of a scene, the reference that they are held against, and its sampling error.
+    """All runs of a scene, the reference of their errors, and the reference's sampling error.
 
     finest : the last result of each model and scheme; empty where they were not kept
-    left_out : models that the scene does not have, and why
+    left_out : models that refuse the scene, and why
     reference_spread : distance of the reference to a coarser one; None where it is exact or unknown
     """
 
@@ -94,8 +98,8 @@ class Frontier:
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One level of a ladder as it went: timed and binned, or why not."""
+class LevelRun:
+    """The run of one level: its time and its bins, or the status without them."""
 
     level: Level
     timed: Timed | None
@@ -107,7 +111,7 @@ def run_frontier(
     scene: Scene,
     flow: FlowField | None,
     *,
-    models: Sequence[str] = FRONTIER_MODELS,
+    models: Sequence[str] | None = None,
     seed: int = 0,
     longest: float = LONGEST,
     report: Report | None = None,
@@ -119,122 +123,130 @@ def run_frontier(
     scene : Scene
     flow : FlowField or None
         None for a scene without fluid.
-    models : names
+    models : names, `frontier_models` if left out
     seed : int
-        Of all runs; the yardstick's start is another one (seed + 1).
+        Of all runs; the reference's start is another one (seed + 1).
     longest : float
-        Seconds that one run may take; a ladder ends where the next level would take longer.
+        Seconds that one run may take; a refinement ends where the next level would take longer.
     report : callable, optional
-        Told stages and their parts.
+        Called with the stage and its finished part.
 
     Raises
     ------
     InputError
         If no model fits.
     RunError
-        If the yardstick cannot be computed.
+        If the reference cannot be computed.
     """
     bench = Bench(flow, seed, longest, report)
-    ladders, left_out = _fitting(scene, models, bench)
-    yardstick = make_yardstick(scene, models, bench)
-    climbed = [(ladder, climb(ladder, bench, yardstick.group_size)) for ladder in ladders]
-    yardstick.refined.update(_refined(climbed))
-    rows = [_row(ladder, rung, yardstick) for ladder, rungs in climbed for rung in rungs]
+    models = frontier_models() if models is None else models
+    refinements, left_out = _fitting(scene, models, bench)
+    reference = make_reference(scene, models, bench)
+    group = reference.group_size
+    runs = [(refinement, run_levels(refinement, bench, group)) for refinement in refinements]
+    reference.refined.update(_refined(runs))
+    rows = [_row(refinement, run, reference) for refinement, levels in runs for run in levels]
     return Frontier(
         rows=rows,
-        reference=yardstick.result,
-        exact=yardstick.exact,
-        sampling=own_sampling(yardstick),
+        reference=reference.result,
+        exact=reference.exact,
+        sampling=own_sampling(reference),
         finest={},
-        reference_name="exact" if yardstick.exact else "mckean_vlasov",
+        reference_name=reference.name,
         left_out=tuple(left_out),
-        reference_spread=yardstick.spread,
+        reference_spread=reference.spread,
     )
 
 
 def _fitting(
     scene: Scene, models: Sequence[str], bench: Bench
-) -> tuple[list[Ladder], list[tuple[str, str]]]:
-    """The ladders of the models that take the scene, warmed up; the others and their reasons."""
-    ladders: list[Ladder] = []
+) -> tuple[list[Refinement], list[tuple[str, str]]]:
+    """The refinements of the models that take the scene, warmed up; the others and their reasons."""
+    refinements: list[Refinement] = []
     left_out: list[tuple[str, str]] = []
     for model in models:
         try:
             for scheme in SCHEMES:
-                ladder = make_ladder(scene, model, scheme)
-                bench.warm_up(ladder)
-                ladders.append(ladder)
+                refinement = make_refinement(scene, model, scheme)
+                bench.warm_up(refinement)
+                refinements.append(refinement)
         except InputError as error:
             left_out.append((model, str(error)))
-            ladders = [ladder for ladder in ladders if ladder.model != model]
-    if not ladders:
+            refinements = [refinement for refinement in refinements if refinement.model != model]
+    if not refinements:
         reasons = "; ".join(reason for _, reason in left_out)
         raise InputError(f"scene {scene.name}", "a model that fits", reasons, "Change the scene.")
-    return ladders, left_out
+    return refinements, left_out
 
 
-def climb(ladder: Ladder, bench: Bench, sample_group: int | None) -> list[Rung]:
+def run_levels(refinement: Refinement, bench: Bench, sample_group: int | None) -> list[LevelRun]:
     """Time the levels from coarse to fine, until the next would take too long.
 
-    sample_group : particles in an independent group of `mckean_vlasov`; None if not random
+    sample_group : particles in an independent group of samples; None if they are not random
     """
-    rungs: list[Rung] = []
+    runs: list[LevelRun] = []
     last: tuple[float, float] | None = None
-    for number, level in enumerate(ladder.levels):
-        foretold = 0.0 if last is None else last[0] * level.cost / last[1]
-        if foretold > bench.longest and number >= _TRIED:
-            told = f"not run: would take about {foretold:.0f} s"
-            rungs.append(Rung(level, None, None, told))
+    for number, level in enumerate(refinement.levels):
+        predicted = 0.0 if last is None else last[0] * level.cost / last[1]
+        if predicted > bench.longest and number >= _TRIED:
+            reason = f"not run: would take about {predicted:.0f} s"
+            runs.append(LevelRun(level, None, None, reason))
             continue
         try:
-            timed = bench.run(ladder, level)
+            timed = bench.run(refinement, level)
         except RunError as error:
-            rungs.append(Rung(level, None, None, f"failed: {error}"))
+            runs.append(LevelRun(level, None, None, f"failed: {error}"))
             continue
-        size = level.scene.particles.number if ladder.model == "microscopic" else sample_group
-        bins = bin_result(timed.result, None if ladder.is_grid else size)
+        bins = bin_result(timed.result, _group_size(refinement.kind, level.scene, sample_group))
         last = (timed.best, level.cost)
         light = replace(timed, result=replace(timed.result, variables={}))
-        rungs.append(Rung(level, light, bins, "completed"))
-    return rungs
+        runs.append(LevelRun(level, light, bins, "completed"))
+    return runs
+
+
+def _group_size(kind: ModelKind, scene: Scene, sample_group: int | None) -> int | None:
+    """The number of particles in a group that is independent of the others; None without groups."""
+    if kind.is_grid:
+        return None
+    return scene.particles.number if kind.independent_realisations else sample_group
 
 
 def _refined(
-    climbed: Sequence[tuple[Ladder, Sequence[Rung]]],
+    runs: Sequence[tuple[Refinement, Sequence[LevelRun]]],
 ) -> dict[str, tuple[Bins, Errors | None]]:
     """Each grid model's extrapolated bins and their uncertainty (None with a single level)."""
     refined: dict[str, tuple[Bins, Errors | None]] = {}
-    for ladder, rungs in climbed:
-        if not ladder.is_grid or ladder.scheme != "accurate":
+    for refinement, levels in runs:
+        if not refinement.kind.is_grid or refinement.scheme != ADAPTIVE_SCHEME:
             continue
-        chain = _coarser_and_coarser(rungs)
+        chain = _coarser_and_coarser(levels)
         if len(chain) == 1:
-            refined[ladder.model] = (chain[0][1], None)
+            refined[refinement.model] = (chain[0][1], None)
         elif chain:
             (h, fine), (h_middle, middle) = chain[:2]
             coarse = chain[2][1] if len(chain) > 2 else None
             spread = remaining_distance(fine, middle, coarse)
-            refined[ladder.model] = (extrapolate(fine, middle, h_middle / h), spread)
+            refined[refinement.model] = (extrapolate(fine, middle, h_middle / h), spread)
     return refined
 
 
-def _coarser_and_coarser(rungs: Sequence[Rung]) -> list[tuple[float, Bins]]:
+def _coarser_and_coarser(runs: Sequence[LevelRun]) -> list[tuple[float, Bins]]:
     """Spacing and bins of the finest level, and on to the next that is wider by `_LEAST_RATIO`."""
     chain: list[tuple[float, Bins]] = []
-    for rung in reversed(rungs):
-        h = rung.level.spacing
-        if rung.bins is not None and (not chain or h > _LEAST_RATIO * chain[-1][0]):
-            chain.append((h, rung.bins))
+    for run in reversed(runs):
+        h = run.level.spacing
+        if run.bins is not None and (not chain or h > _LEAST_RATIO * chain[-1][0]):
+            chain.append((h, run.bins))
     return chain
 
 
-def _parts(ladder: Ladder, rung: Rung, bins: Bins, yardstick: Yardstick) -> Parts:
+def _parts(refinement: Refinement, run: LevelRun, bins: Bins, reference: Reference) -> Parts:
     """The parts of one level's error, see `compare.error_budget`."""
-    y = yardstick.bins
-    if ladder.is_grid:
-        if ladder.model not in yardstick.refined:
-            return Parts()  # the scheme `accurate` never came to its end
-        refined, spread = yardstick.refined[ladder.model]
+    y = reference.bins
+    if refinement.kind.is_grid:
+        if refinement.model not in reference.refined:
+            return Parts()  # no run of the finer scheme came to its end
+        refined, spread = reference.refined[refinement.model]
         closure, closure_spread = distance(refined, y)
         return Parts(
             discretisation=distance(bins, refined)[0],
@@ -242,10 +254,10 @@ def _parts(ladder: Ladder, rung: Rung, bins: Bins, yardstick: Yardstick) -> Part
             discretisation_spread=spread,
             offset_spread=closure_spread,
         )
-    scene = rung.level.scene
+    scene = run.level.scene
     samples = scene.particles.number * scene.particles.realisations
-    ensemble = yardstick.ensemble
-    if ladder.model == "microscopic" and ensemble is not None:
+    ensemble = reference.ensemble
+    if refinement.kind.independent_realisations and ensemble is not None:
         count = min(bins.density.shape[0], ensemble.density.shape[0])
         same = first_groups(bins, count), first_groups(ensemble, count)
         away, spread = distance(*same)
@@ -260,39 +272,33 @@ def _parts(ladder: Ladder, rung: Rung, bins: Bins, yardstick: Yardstick) -> Part
     )
 
 
-def _row(ladder: Ladder, rung: Rung, yardstick: Yardstick) -> FrontierRow:
-    scene = rung.level.scene
-    if rung.timed is None or rung.bins is None:
+def _row(refinement: Refinement, run: LevelRun, reference: Reference) -> FrontierRow:
+    scene = run.level.scene
+    if run.timed is None or run.bins is None:
         nothing = tuple(float("nan") for _ in scene.times)
-        text = level_text(ladder, rung.level)
+        realisations = scene.particles.realisations
+        text = resolution_text(refinement.model, refinement.scheme, scene, realisations)
         return FrontierRow(
-            scene.name, ladder.model, ladder.scheme, text, nothing, nothing, np.nan, rung.status
+            scene.name,
+            refinement.model,
+            refinement.scheme,
+            text,
+            nothing,
+            nothing,
+            np.nan,
+            run.status,
         )
-    total = total_error(rung.bins, yardstick.bins)
+    total = total_error(run.bins, reference.bins)
     return FrontierRow(
         scene=scene.name,
-        model=ladder.model,
-        scheme=ladder.scheme,
-        resolution=str(rung.timed.result.attributes["resolution"]),
+        model=refinement.model,
+        scheme=refinement.scheme,
+        resolution=str(run.timed.result.attributes["resolution"]),
         density_errors=tuple(map(float, total.density)),
         angle_errors=tuple(map(float, total.angle)),
-        wall_seconds=rung.timed.best,
-        median_seconds=rung.timed.median,
-        repeats=rung.timed.repeats,
-        parts=_parts(ladder, rung, rung.bins, yardstick),
-        warnings=tuple(rung.timed.result.warnings),
+        wall_seconds=run.timed.best,
+        median_seconds=run.timed.median,
+        repeats=run.timed.repeats,
+        parts=_parts(refinement, run, run.bins, reference),
+        warnings=tuple(run.timed.result.warnings),
     )
-
-
-def level_text(ladder: Ladder, level: Level) -> str:
-    """A level in words, for one that was not run."""
-    numerics, particles = level.scene.numerics, level.scene.particles
-    if ladder.is_grid:
-        angles = f", {numerics.angle_cells} angles" if ladder.model.startswith("q_") else ""
-        return f"h = {numerics.cell:g}{angles}"
-    step = (
-        f"dt = {numerics.time_step:g}"
-        if ladder.scheme == "paper"
-        else f"tolerance = {numerics.tolerance:g}"
-    )
-    return f"{particles.number} x {particles.realisations} particles, {step}"

@@ -1,4 +1,4 @@
-"""Two models at three resolutions, or finished runs, held against one reference; without parts."""
+"""The errors of two models at three resolutions, or of finished runs, without their parts."""
 
 from __future__ import annotations
 
@@ -13,19 +13,23 @@ from ellipsoid_coupling.compare.resolutions import changed
 from ellipsoid_coupling.compare.timing import warm_up
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import SCHEMES, SchemeName
+from ellipsoid_coupling.models import (
+    ADAPTIVE_SCHEME,
+    SCHEMES,
+    SchemeName,
+    model_kinds,
+    scheme_named,
+)
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.simulation import Report, simulate
-
-SHORT_MODELS = ("microscopic", "rho_mono_kinetic")
 
 # How much coarser than the scene's own resolution each row of `short_frontier` is.
 _COARSER = (4, 2, 1)
 _LOOSER = (100, 10, 1)
 
 
-class Case(NamedTuple):
+class ShortRun(NamedTuple):
     """One run of a `short_frontier`."""
 
     model: str
@@ -33,23 +37,31 @@ class Case(NamedTuple):
     scene: Scene
 
 
-def short_cases(scene: Scene) -> list[Case]:
+def particle_model() -> str:
+    """The first model of particles, of which every scene has one."""
+    return next(kind.name for kind in model_kinds() if kind.independent_realisations)
+
+
+def short_runs(scene: Scene) -> list[ShortRun]:
     """Two models, both schemes, three resolutions, the scene's own the last of each.
 
-    The grid is refined in h; particles in the time step (`paper`) or the tolerance (`accurate`).
+    The models are the first of particles and the first on a grid in space. The grid is refined in h;
+    particles in the time step or the tolerance.
     """
     numerics = scene.numerics
-    cases = []
-    for model in SHORT_MODELS:
-        for scheme in SCHEMES:
-            if model != "microscopic":
+    on_grid = next(kind.name for kind in model_kinds() if kind.layout == "rho")
+    runs = []
+    for model in (particle_model(), on_grid):
+        for name in SCHEMES:
+            scheme = scheme_named(name)
+            if model == on_grid:
                 values = [("numerics.cell", numerics.cell * factor) for factor in _COARSER]
-            elif scheme == "paper":
-                values = [("numerics.time_step", numerics.time_step * f) for f in _COARSER]
             else:
-                values = [("numerics.tolerance", numerics.tolerance * f) for f in _LOOSER]
-            cases += [Case(model, scheme, changed(scene, dict([value]))) for value in values]
-    return cases
+                factors = _LOOSER if scheme.adaptive else _COARSER
+                key = f"numerics.{scheme.step_key}"
+                values = [(key, scheme.step(numerics) * factor) for factor in factors]
+            runs += [ShortRun(model, name, changed(scene, dict([value]))) for value in values]
+    return runs
 
 
 def short_frontier(
@@ -62,35 +74,36 @@ def short_frontier(
 ) -> Frontier:
     """Two models at three resolutions each, timed once after a warm-up, without parts.
 
-    The reference is exact where particles are independent; elsewhere it is a microscopic ensemble
-    of its own start positions (seed + 1), whose sampling error is given along. With a `folder`, the
-    runs at the scene's own resolution are kept there as run folders.
+    The reference is exact where particles are independent; elsewhere it is an ensemble of particles
+    with start positions of its own (seed + 1), whose sampling error is part of the result. With a
+    `folder`, the runs at the scene's own resolution are kept there as run folders.
     """
     reference, exact = _short_reference(scene, flow, seed, report)
     rows: list[FrontierRow] = []
     finest: dict[tuple[str, str], Result] = {}
-    cases = short_cases(scene)
-    for number, case in enumerate(cases):
+    runs = short_runs(scene)
+    for number, run in enumerate(runs):
         if number % len(_COARSER) == 0:
-            warm_up(case.scene, case.model, case.scheme, flow, seed)
-        keep = folder is not None and case.scene == scene
-        name = f"{scene.name}-{case.model}-{case.scheme}"
+            warm_up(run.scene, run.model, run.scheme, flow, seed)
+        keep = folder is not None and run.scene == scene
+        name = f"{scene.name}-{run.model}-{run.scheme}"
         try:
             result = simulate(
-                case.scene,
-                case.model,
-                case.scheme,
+                run.scene,
+                run.model,
+                run.scheme,
                 flow=flow,
                 seed=seed,
                 folder=folder / name if folder is not None and keep else None,
-                report=_numbered(report, number + 1, len(cases)),
+                report=_numbered(report, number + 1, len(runs)),
             )
         except RunError as error:
-            rows.append(_failed_row(case, error))
+            rows.append(_failed_row(run, error))
             continue
         rows.append(frontier_row(result, reference))
-        finest[case.model, case.scheme] = result
-    ensemble = finest.get(("microscopic", "accurate"), reference) if exact else reference
+        finest[run.model, run.scheme] = result
+    particles = particle_model(), ADAPTIVE_SCHEME
+    ensemble = finest.get(particles, reference) if exact else reference
     return Frontier(
         rows, reference, exact, sampling_errors(ensemble), finest, _reference_name(exact)
     )
@@ -112,7 +125,7 @@ def _short_reference(
     def named(stage: str, part: float) -> None:
         _tell(report, f"{stage} (reference)", part)
 
-    return simulate(scene, "microscopic", flow=flow, seed=seed + 1, report=named), False
+    return simulate(scene, particle_model(), flow=flow, seed=seed + 1, report=named), False
 
 
 def _numbered(report: Report | None, number: int, count: int) -> Report | None:
@@ -127,7 +140,7 @@ def _tell(report: Callable[[str, float], None] | None, stage: str, part: float) 
 
 
 def frontier_row(result: Result, reference: Result) -> FrontierRow:
-    """One result held against the reference."""
+    """The errors of one result against the reference."""
     errors = errors_against(result, reference)
     seconds = float(result.attributes["wall_seconds"])
     return FrontierRow(
@@ -143,17 +156,17 @@ def frontier_row(result: Result, reference: Result) -> FrontierRow:
     )
 
 
-def _failed_row(case: Case, error: RunError) -> FrontierRow:
-    nothing = tuple(float("nan") for _ in case.scene.times)
+def _failed_row(run: ShortRun, error: RunError) -> FrontierRow:
+    nothing = tuple(float("nan") for _ in run.scene.times)
     return FrontierRow(
-        case.scene.name, case.model, case.scheme, "", nothing, nothing, float("nan"), str(error)
+        run.scene.name, run.model, run.scheme, "", nothing, nothing, float("nan"), str(error)
     )
 
 
 def compare_runs(
     results: Sequence[Result], flow: FlowField | Sequence[FlowField | None] | None
 ) -> Frontier:
-    """Hold finished runs of one scene against the exact solution or their largest ensemble.
+    """The errors of finished runs of one scene against the exact solution or their largest ensemble.
 
     Parameters
     ----------
@@ -187,9 +200,9 @@ def compare_runs(
 
 
 def _common_flow(flows: Sequence[FlowField | None]) -> FlowField | None:
-    """The one flow that all are; InputError where their numbers differ."""
-    found = {flow.digest: flow for flow in flows if flow is not None}
-    if len(found) > 1:
-        told = "; ".join(f"{flow.origin} (digest {digest})" for digest, flow in found.items())
-        raise InputError("compare", "runs in one flow", told, "Compare runs in the same flow.")
-    return next(iter(found.values()), None)
+    """The one flow of all runs; InputError where their numbers differ."""
+    different = {flow.digest: flow for flow in flows if flow is not None}
+    if len(different) > 1:
+        origins = "; ".join(f"{f.origin} (digest {digest})" for digest, f in different.items())
+        raise InputError("compare", "runs in one flow", origins, "Compare runs in the same flow.")
+    return next(iter(different.values()), None)

@@ -1,12 +1,12 @@
-"""What errors are measured against: the exact solution, or the refined mean-field limit.
+"""The reference of errors: the exact solution, or the refined mean-field limit.
 
-`make_yardstick` computes it, and the refined `microscopic` ensemble that finite N is judged by.
+`make_reference` computes it, and the refined ensemble of particles that finite N is judged by.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,37 +14,40 @@ import numpy as np
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import Bins, bin_result, distance, sampling_error
 from ellipsoid_coupling.compare.exact_solution import exact_reference, has_exact_reference
-from ellipsoid_coupling.compare.resolutions import Ladder, Level, changed
+from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed
 from ellipsoid_coupling.compare.timing import Bench, Timed
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.files.limits import LEAST_HARMONICS_TOLERANCE
+from ellipsoid_coupling.models import ADAPTIVE_SCHEME, ModelKind, model_kinds
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
 _MOST_SAMPLES = 1_000_000
 # Levels of the refined samples: tolerance of the steps and of the interaction (its nodes and
 # harmonics), in units of the scene's own, and the work, measured on `rotation`. Every level halves the
-# second: what the interaction errs by is seen in the distance of the last two. At 1, 1/2 and 1/4 the L1
+# second, so that the distance of the last two shows the interaction's error. At 1, 1/2 and 1/4 the L1
 # distances of the angles of `rotation` to exact pair sums are 0.008, 0.004 and 0.002 at most.
 _REFINED = ((100.0, 2.0, 1.0), (10.0, 1.0, 2.0), (1.0, 0.5, 6.0), (1.0, 0.25, 15.0))
 # 384^2 points of the exact solution are 0.003 off on the bins of `cavity_free`, 256^2 0.005.
 _EXACT_SIDE = 384
 _FEWEST_REALISATIONS = 8
-# The yardstick may take so many times what other runs may: all of them are measured against it.
-_YARDSTICK_TIME = 6.0
+# The reference may take this many times longer than the runs that are measured against it.
+_REFERENCE_TIME = 6.0
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """What errors are measured against.
+class Reference:
+    """The solution that errors are measured against.
 
-    result, bins : the exact solution or the refined `mckean_vlasov`
-    ensemble : the refined `microscopic` ensemble; None where that model was not asked for
+    name : "exact", or the name of the model that was refined
+    result, bins : the exact solution or the refined samples of the limit N to infinity
+    ensemble : the refined ensemble of particles; None if no such model takes part
     refined : each grid model's extrapolated bins and their uncertainty
     group_size : particles of a realisation; None where samples are not random
-    spread : distance of the refined `mckean_vlasov` to the run before it; None for exact or one run
+    spread : distance of the refined samples to the run before them; None for exact or one run
     """
 
+    name: str
     result: Result
     bins: Bins
     exact: bool
@@ -54,7 +57,7 @@ class Yardstick:
     spread: Errors | None
 
 
-def make_yardstick(scene: Scene, models: Sequence[str], bench: Bench) -> Yardstick:
+def make_reference(scene: Scene, models: Sequence[str], bench: Bench) -> Reference:
     """The exact solution where particles are independent, else samples as fine as time allows.
 
     Raises
@@ -66,26 +69,39 @@ def make_yardstick(scene: Scene, models: Sequence[str], bench: Bench) -> Yardsti
     group = scene.particles.number if noisy else None
     spread = None
     exact = has_exact_reference(scene)
+    name = "exact"
     if exact:
         bench.tell(f"{scene.name}: exact reference", 0.0)
         result = exact_reference(scene, bench.flow, _EXACT_SIDE)
         bench.tell(f"{scene.name}: exact reference", 1.0)
         bins = bin_result(result)
     else:
+        sampled = _first_kind(lambda kind: kind.is_sampled_density)
+        name = sampled.name
         result, before = _refined_samples(
-            scene, replace(bench, seed=bench.seed + 1, longest=_YARDSTICK_TIME * bench.longest)
+            scene,
+            sampled,
+            replace(bench, seed=bench.seed + 1, longest=_REFERENCE_TIME * bench.longest),
         )
         bins = bin_result(result, group)
         if before is not None:
             spread = distance(bins, bin_result(before, group))[0]
-    ensemble = _refined_ensemble(scene, bench) if "microscopic" in models else None
-    return Yardstick(result, bins, exact, ensemble, {}, group, spread)
+    of_particles = _first_kind(lambda kind: kind.independent_realisations)
+    ensemble = (
+        _refined_ensemble(scene, of_particles, bench) if of_particles.name in models else None
+    )
+    return Reference(name, result, bins, exact, ensemble, {}, group, spread)
 
 
-def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]:
-    """`mckean_vlasov` up to the scene's own tolerance and a million samples, as far as time allows.
+def _first_kind(has: Callable[[ModelKind], bool]) -> ModelKind:
+    """The first model of the hierarchy with a property."""
+    return next(kind for kind in model_kinds() if has(kind))
 
-    The finest, and the one before it, which is coarser in its interaction as well.
+
+def _refined_samples(scene: Scene, kind: ModelKind, bench: Bench) -> tuple[Result, Result | None]:
+    """Samples up to the scene's own tolerance and a million of them, as far as time allows.
+
+    Returns the finest run and the one before it, whose interaction is coarser as well.
     """
     numerics, own = scene.numerics, scene.particles.realisations
     most = max(own, _MOST_SAMPLES // scene.particles.number)
@@ -99,24 +115,24 @@ def _refined_samples(scene: Scene, bench: Bench) -> tuple[Result, Result | None]
             "particles.realisations": most if harmonics == _REFINED[-1][1] else own,
         }
         levels.append(Level(changed(scene, values), work, 0.0))
-    # The last has the most samples. What they cost is unknown before: too long a run is stopped, and
-    # the one before it taken.
-    return _finest(Ladder("mckean_vlasov", "accurate", tuple(levels), False), bench)
+    # The last level has the most samples. Their cost is not known in advance: a run that takes too long
+    # is stopped, and the level before it is taken.
+    return _finest(Refinement(kind, ADAPTIVE_SCHEME, tuple(levels)), bench)
 
 
-def _refined_ensemble(scene: Scene, bench: Bench) -> Bins:
-    """`microscopic` at the scene's own tolerance and realisations, or as many as time allows."""
+def _refined_ensemble(scene: Scene, kind: ModelKind, bench: Bench) -> Bins:
+    """Particles at the scene's own tolerance and realisations, or as many as time allows."""
     own = max(_FEWEST_REALISATIONS, scene.particles.realisations)
     counts = sorted({max(_FEWEST_REALISATIONS, own // part) for part in (16, 4, 2, 1)})
     levels = [
         Level(changed(scene, {"particles.realisations": count}), float(count), 0.0)
         for count in counts
     ]
-    result, _ = _finest(Ladder("microscopic", "accurate", tuple(levels), False), bench)
+    result, _ = _finest(Refinement(kind, ADAPTIVE_SCHEME, tuple(levels)), bench)
     return bin_result(result, scene.particles.number)
 
 
-def _finest(ladder: Ladder, bench: Bench) -> tuple[Result, Result | None]:
+def _finest(refinement: Refinement, bench: Bench) -> tuple[Result, Result | None]:
     """The finest level that the time allows, and the one before it.
 
     Raises
@@ -124,30 +140,30 @@ def _finest(ladder: Ladder, bench: Bench) -> tuple[Result, Result | None]:
     RunError
         If the first level fails.
     """
-    bench.warm_up(ladder)
+    bench.warm_up(refinement)
     last: Timed | None = None
     before: Timed | None = None
     cost = 0.0
-    for level in ladder.levels:
+    for level in refinement.levels:
         if last is not None and last.best * level.cost / cost > bench.longest:
             break
         try:
-            # There must be one: the first level may take as long as it needs.
+            # A reference is needed in any case, so the first level may take as long as it needs.
             allowed = bench if last is not None else replace(bench, longest=math.inf)
-            found = allowed.run(ladder, level, repeats=1)
+            timed = allowed.run(refinement, level, repeats=1)
         except RunError:
             if last is None:
                 raise
             break
-        last, before, cost = found, last, level.cost
-    assert last is not None  # a ladder has a level, and the first one raises
+        last, before, cost = timed, last, level.cost
+    assert last is not None  # a refinement has a level, and the first one raises
     return last.result, None if before is None else before.result
 
 
-def own_sampling(yardstick: Yardstick) -> Errors:
-    """What the yardstick's own finite number of samples costs; 0 where they are not random."""
-    bins = yardstick.bins
+def own_sampling(reference: Reference) -> Errors:
+    """The reference's error from its finite number of samples; 0 if they are not random."""
+    bins = reference.bins
     if bins.density.shape[0] > 1:
         return sampling_error(bins, bins.samples * bins.density.shape[0])
-    nothing = np.zeros(yardstick.result.times.size)
+    nothing = np.zeros(reference.result.times.size)
     return Errors(nothing, nothing)

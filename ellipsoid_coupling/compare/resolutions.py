@@ -1,27 +1,27 @@
-"""Ladders of resolutions: what a model and scheme is run with, from coarse to fine.
+"""Refinements: the resolutions that a model and scheme is run with, from coarse to fine.
 
     grids in r            h = width/n,  n = n_0/8 ... 4 n_0 by doubling (n_0 the scene's own), n >= 12
     grids in (r, theta)   (n, angles) in fixed proportion, 1, 3/2, 2, 5/2, 3, 4, 6 times the coarsest
-    microscopic           realisations R times 2, time step divided by sqrt(2) or tolerance by
+    particles             realisations R times 2, time step divided by sqrt(2) or tolerance by
                           10^(1/4): sampling and stepping errors fall alike, by some sqrt(2) a level
-    mckean_vlasov         samples times 2, time step or tolerance from coarse to the scene's own, the
+    samples of a density  samples times 2, time step or tolerance from coarse to the scene's own, the
                           interaction from a fourth to twice as exact as the scene's
 
-`cost` is the number of operations of a level up to a factor that all levels of one ladder share: with
-the seconds of one level it foretells those of the next.
+`cost` is the number of operations of a level, up to a factor that all levels of one refinement share: with
+the seconds of one level it predicts those of the next.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ellipsoid_coupling.files.limits import LEAST_HARMONICS_TOLERANCE
-from ellipsoid_coupling.models import SchemeName
-from ellipsoid_coupling.scenes import Scene, scene_from_table
+from ellipsoid_coupling.models import ModelKind, SchemeName, kind_named, scheme_named
+from ellipsoid_coupling.scenes import Scene, scene_from_table, set_key
 from ellipsoid_coupling.scenes.scene import Domain
 
 LEVELS = 5
@@ -38,11 +38,10 @@ _FEWEST_Q_CELLS = 10
 _ENSEMBLES = tuple(2.0 ** (k - 6) for k in range(9))
 _STEPS = tuple(8.0 * 2.0 ** (-0.5 * k) for k in range(9))
 _TOLERANCES = tuple(1000.0 * 10.0 ** (-0.25 * k) for k in range(9))
-# The grid of the samples' interaction costs the same for a thousand samples and a hundred thousand:
-# there, steps are dear and samples cheap.
+# The nodes of the samples' interaction cost as much as this many samples, however few samples there are.
 _SAMPLES_OF_GRID = 500_000
-# Harmonics tolerance in units of the scene's own, and the work that it takes: measured, 1e-1 to 5e-3. The
-# yardstick's is finer than the last: a run with its nodes would agree with itself.
+# Harmonics tolerance in units of the scene's own, and its work as a power, measured from 1e-1 to 5e-3. The
+# reference's is finer than the last: a run with the reference's nodes would agree with itself.
 _HARMONICS = (4.0, 4.0, 2.0, 2.0, 1.0, 1.0, 0.5)
 _WORK_OF_HARMONICS = -0.8
 _SAMPLES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
@@ -56,7 +55,7 @@ class Level(NamedTuple):
     """One resolution.
 
     scene : with that resolution's numerics and realisations
-    cost : operations, up to a factor of the ladder
+    cost : operations, up to a factor of the refinement
     spacing : h of a grid, 0 for particles
     """
 
@@ -66,19 +65,20 @@ class Level(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Ladder:
-    """The levels of one model and scheme, coarse to fine.
+class Refinement:
+    """The levels of one model and scheme, coarse to fine."""
 
-    is_grid : the model's unknowns live on cells and have one value, the model's own
-    """
-
-    model: str
+    kind: ModelKind
     scheme: SchemeName
     levels: tuple[Level, ...]
-    is_grid: bool
+
+    @property
+    def model(self) -> str:
+        """The model's name."""
+        return self.kind.name
 
 
-def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
+def changed(scene: Scene, values: Mapping[str, object]) -> Scene:
     """The scene with other values of keys such as "numerics.cell" or "times".
 
     Raises
@@ -86,31 +86,27 @@ def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
     InputError
         For values that do not fit.
     """
-    table: dict[str, Any] = scene.model_dump(mode="json", exclude_none=True)
+    table = scene.model_dump(mode="json", exclude_none=True)
     for key, value in values.items():
-        *parts, last = key.split(".")
-        place = table
-        for part in parts:
-            place = place[part]
-        place[last] = value
+        set_key(table, key, value)
     return scene_from_table(table, f"scene {scene.name} with {dict(values)}")
 
 
-def make_ladder(scene: Scene, model: str, scheme: SchemeName) -> Ladder:
-    """The ladder of a model and scheme on a scene."""
-    if model == "microscopic":
-        steps = _STEPS if scheme == "paper" else _TOLERANCES
-        levels = _particle_levels(scene, scheme, _ENSEMBLES, steps)
-    elif model == "mckean_vlasov":
-        steps = _SAMPLE_STEPS if scheme == "paper" else _SAMPLE_TOLERANCES
+def make_refinement(scene: Scene, model: str, scheme: SchemeName) -> Refinement:
+    """The levels of a model and scheme on a scene."""
+    kind, adaptive = kind_named(model), scheme_named(scheme).adaptive
+    if kind.layout == "q":
+        levels = _q_levels(scene)
+    elif kind.layout == "rho":
+        levels = _r_levels(scene)
+    elif kind.independent_realisations:
+        levels = _particle_levels(scene, scheme, _ENSEMBLES, _TOLERANCES if adaptive else _STEPS)
+    else:
+        steps = _SAMPLE_TOLERANCES if adaptive else _SAMPLE_STEPS
         levels = _particle_levels(scene, scheme, _SAMPLES, steps)
         if scene.interaction is not None:
             levels = _with_harmonics(levels, steps, scheme)
-    elif model.startswith("q_"):
-        levels = _q_levels(scene)
-    else:
-        levels = _r_levels(scene)
-    return Ladder(model, scheme, tuple(levels), is_grid=levels[0].spacing > 0.0)
+    return Refinement(kind, scheme, tuple(levels))
 
 
 def cells_across(domain: Domain, least: int) -> int:
@@ -151,19 +147,16 @@ def _q_levels(scene: Scene) -> list[Level]:
 
 
 def _steps_taken(scheme: SchemeName, factor: float) -> float:
-    """How the number of steps goes with the time step or tolerance."""
-    return float(factor ** (-1.0 if scheme == "paper" else _STEPS_OF_TOLERANCE))
+    """The number of steps as a function of the factor on the time step or tolerance."""
+    return float(factor ** (_STEPS_OF_TOLERANCE if scheme_named(scheme).adaptive else -1.0))
 
 
 def _particle_levels(
     scene: Scene, scheme: SchemeName, ensembles: tuple[float, ...], steps: tuple[float, ...]
 ) -> list[Level]:
     """Ensembles and steps in units of the scene's own."""
-    key, own = (
-        ("numerics.time_step", scene.numerics.time_step)
-        if scheme == "paper"
-        else ("numerics.tolerance", scene.numerics.tolerance)
-    )
+    steps_by = scheme_named(scheme)
+    key, own = f"numerics.{steps_by.step_key}", steps_by.step(scene.numerics)
     levels = []
     for part, step in zip(ensembles, steps, strict=True):
         realisations = max(1, round(scene.particles.realisations * part))
@@ -176,8 +169,8 @@ def _particle_levels(
 def _with_harmonics(
     levels: list[Level], steps: tuple[float, ...], scheme: SchemeName
 ) -> list[Level]:
-    """The levels with finer and finer harmonics: their tolerance is an error like that of the steps."""
-    found = []
+    """The levels with ever finer harmonics, whose tolerance is an error like that of the steps."""
+    refined = []
     for level, step, factor in zip(levels, steps, _HARMONICS, strict=True):
         scene = level.scene
         own = scene.numerics.harmonics_tolerance
@@ -185,5 +178,5 @@ def _with_harmonics(
         work = (_SAMPLES_OF_GRID + samples) * factor**_WORK_OF_HARMONICS
         tolerance = max(own * factor, LEAST_HARMONICS_TOLERANCE)
         finer = changed(scene, {"numerics.harmonics_tolerance": tolerance})
-        found.append(Level(finer, work * _steps_taken(scheme, step), 0.0))
-    return found
+        refined.append(Level(finer, work * _steps_taken(scheme, step), 0.0))
+    return refined

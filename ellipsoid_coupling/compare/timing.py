@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ellipsoid_coupling.compare.resolutions import Ladder, Level, changed
+from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SchemeName
@@ -17,9 +17,9 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.simulation import Report, simulate
 
 REPEATS = 3
-# Longer runs are timed once: what disturbs them is a small part of them.
+# Longer runs are timed once, because disturbances are a small part of them.
 _SHORT = 2.0
-# A run is stopped when it takes so many times what it was allowed.
+# A run is stopped when it takes this many times the seconds that it may take.
 _PATIENCE = 1.5
 # Part of the first save time that a warm-up runs to.
 _WARM_UP = 1e-3
@@ -59,7 +59,7 @@ class Bench:
     flow : of all runs; None without fluid
     seed : of all runs
     longest : seconds that a run may take
-    report : told stages and their parts
+    report : called with the stage and its finished part
     """
 
     flow: FlowField | None
@@ -72,7 +72,7 @@ class Bench:
         if self.report is not None:
             self.report(stage, part)
 
-    def warm_up(self, ladder: Ladder) -> None:
+    def warm_up(self, refinement: Refinement) -> None:
         """`warm_up` with the coarsest level.
 
         Raises
@@ -80,26 +80,27 @@ class Bench:
         InputError
             If the model does not fit the scene.
         """
-        self.tell(f"{ladder.model}, {ladder.scheme}: warm-up", 0.0)
-        warm_up(ladder.levels[0].scene, ladder.model, ladder.scheme, self.flow, self.seed)
+        self.tell(f"{refinement.model}, {refinement.scheme}: warm-up", 0.0)
+        coarsest = refinement.levels[0].scene
+        warm_up(coarsest, refinement.model, refinement.scheme, self.flow, self.seed)
 
-    def run(self, ladder: Ladder, level: Level, repeats: int = REPEATS) -> Timed:
+    def run(self, refinement: Refinement, level: Level, repeats: int = REPEATS) -> Timed:
         """Time a level; a short run as often as `repeats`.
 
         Raises
         ------
         RunError
-            If the run fails, or is stopped since it takes too long.
+            If the run fails, or is stopped because it takes too long.
         """
         seconds: list[float] = []
         while True:
-            result = self._once(ladder, level)
+            result = self._once(refinement, level)
             seconds.append(float(result.attributes["wall_seconds"]))
             if len(seconds) >= repeats or seconds[0] > _SHORT:
                 break
         return Timed(result, min(seconds), float(np.median(seconds)), len(seconds))
 
-    def _once(self, ladder: Ladder, level: Level) -> Result:
+    def _once(self, refinement: Refinement, level: Level) -> Result:
         # The clock starts with the first report: compiling comes before it.
         started: list[float] = []
 
@@ -113,8 +114,8 @@ class Bench:
 
         return simulate(
             level.scene,
-            ladder.model,
-            ladder.scheme,
+            refinement.model,
+            refinement.scheme,
             flow=self.flow,
             seed=self.seed,
             report=watch,

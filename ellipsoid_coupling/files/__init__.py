@@ -1,1 +1,1 @@
-"""Bytes on disk: open, check, seal, bound and write; what any other part may use."""
+"""Files: open, check, limit, seal and write them; used by all other parts."""

@@ -1,4 +1,4 @@
-"""Where everything is kept that can be made again: compiled kernels and solved flows."""
+"""The cache of everything that can be made again: compiled kernels and solved flows."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def kernel_folder(name: str) -> Path:
     """The folder for kernels compiled from the sources called `name`; it can be written.
 
     Where the cache cannot, this is a temporary one of this process alone, which holds a copy of what
-    the cache has and is removed at the end; a `CacheWarning` tells so.
+    the cache has and is removed at the end; a `CacheWarning` says so.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """A checksum behind a file's content, so that damage is found before a library reads it.
 
-The HDF5 library, which reads result.nc, does not survive every damaged file. HDF5 ignores what follows
-its data, so a sealed file still is a NetCDF-4 file for every other program.
+The HDF5 library, with which other programs read result.nc, crashes on some damaged files. It ignores
+bytes behind its data, so a sealed file still is a NetCDF-4 file for every other program.
 """
 
 from __future__ import annotations

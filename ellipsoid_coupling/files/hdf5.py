@@ -1,11 +1,11 @@
 """A strict reader of the HDF5 files that this package writes, and of no others.
 
-The HDF5 library follows what a file says: to other files and pipes, into arrays and texts of any size,
-round and round a damaged heap, and not always back. So it never reads a file from elsewhere. What is
-read here are arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the
-root; everything else is a ValueError. Sizes are compared with the file before anything is read, and
-what may be read besides arrays has a limit, which also ends every circle. Of each part only what is
-needed is looked at (references and attributes of arrays are not); the file's checksum is `checksum`'s.
+The HDF5 library follows every reference of a file: to other files and pipes, into arrays and texts of any
+size, and endlessly round a damaged heap. So it never reads a file from elsewhere. This reader accepts
+arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the root group;
+everything else is a ValueError. Sizes are compared with the file before anything is read, and the bytes
+read besides arrays have a limit, which also ends every cycle. References and attributes of arrays are
+ignored; the file's checksum is `checksum`'s.
 
 The format is described in "HDF5 File Format Specification Version 3.0". In short: a superblock names
 the root's header; a header is a list of messages; many links or attributes of one header lie in a heap
@@ -19,7 +19,7 @@ import os
 import struct
 from collections.abc import Iterator
 from itertools import chain
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 # A result has some 10 variables and 30 attributes; the scene's text is the longest of these.
 _MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 200, 4, 1000
 _MOST_MESSAGES = 1000
-# Bytes that may be read besides arrays, and what every read counts on top.
+# Bytes that may be read besides arrays, and the bytes added for each read.
 _MOST_READ, _EACH_READ = 20_000_000, 100
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -47,8 +47,8 @@ _DAMAGED = "a damaged file: parts beyond its end, of a wrong kind, or that lead 
 _ELSEWHERE = "in pieces, packed, or in another file"
 
 
-def _number_types() -> dict[bytes, np.dtype[Any]]:
-    """What describes each plain number, less its version."""
+def _number_types() -> dict[bytes, np.dtype[np.generic]]:
+    """The description of each plain number in a file, without its version."""
     floats = {
         4: struct.pack("<HHBBBBI", 0, 32, 23, 8, 0, 23, 127),
         8: struct.pack("<HHBBBBI", 0, 64, 52, 11, 0, 52, 1023),
@@ -79,13 +79,13 @@ class Variable(NamedTuple):
     """An array: where its numbers lie, None where it has none of its own."""
 
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    place: int | None
+    dtype: np.dtype[np.generic]
+    address: int | None
 
     @property
     def length(self) -> int:
         """The bytes that it takes from the file."""
-        return 0 if self.place is None else math.prod(self.shape) * self.dtype.itemsize
+        return 0 if self.address is None else math.prod(self.shape) * self.dtype.itemsize
 
 
 class Reader:
@@ -101,27 +101,27 @@ class Reader:
 
     def variables(self) -> dict[str, Variable]:
         """The root's arrays."""
-        found = dict[str, Variable]()
-        for name, place in self._links():
-            if len(found) == _MOST_OBJECTS:
+        variables = dict[str, Variable]()
+        for name, address in self._links():
+            if len(variables) == _MOST_OBJECTS:
                 raise ValueError(f"more than {_MOST_OBJECTS} variables")
-            if name in found:
+            if name in variables:
                 raise ValueError(f"two variables {name}")
-            found[name] = self._variable(name, place)
-        return found
+            variables[name] = self._variable(name, address)
+        return variables
 
-    def numbers(self, variable: Variable) -> NDArray[Any]:
+    def numbers(self, variable: Variable) -> NDArray[np.generic]:
         """An array's numbers."""
         values = np.zeros(variable.shape, variable.dtype)
         raw, done = values.reshape(-1).view(np.uint8).data, 0
-        while done < variable.length and variable.place is not None:
-            read = os.preadv(self._handle, [raw[done:]], variable.place + done)
+        while done < variable.length and variable.address is not None:
+            read = os.preadv(self._handle, [raw[done:]], variable.address + done)
             if not read:
                 raise ValueError("a file that has become shorter")
             done += read
         return values
 
-    def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[Any]]]:
+    def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[object]]]:
         """The root's attributes and their values; `but` those of these names, which are not read."""
         dense = self._dense(_ATTRIBUTES, 8)
         own = (message.data for message in self._root if message.kind == _ATTRIBUTE)
@@ -143,7 +143,7 @@ class Reader:
         return data
 
     def _block(self, at: int, mark: bytes, count: int) -> bytes:
-        """As `_read`, of what begins with this mark and its version, 0."""
+        """As `_read`, for a block that begins with this mark and version 0."""
         data = self._read(at, count)
         if not data.startswith(mark):
             raise ValueError(_DAMAGED)
@@ -158,27 +158,27 @@ class Reader:
         start = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
         width = 1 << (flags & 3)
         length = _whole(self._read(start, width))
-        pieces, found = [self._read(start + width, length)], list[Message]()
+        pieces, messages = [self._read(start + width, length)], list[Message]()
         while pieces:
             for message in _messages(pieces.pop(), 6 if flags & 4 else 4):
                 if message.kind == _NEXT:
-                    place, size = struct.unpack_from("<QQ", message.data)
-                    pieces.append(self._block(place, b"OCHK", size)[4:-4])
+                    address, size = struct.unpack_from("<QQ", message.data)
+                    pieces.append(self._block(address, b"OCHK", size)[4:-4])
                 else:
-                    found.append(message)
-                if len(found) > _MOST_MESSAGES:
+                    messages.append(message)
+                if len(messages) > _MOST_MESSAGES:
                     raise ValueError(f"more than {_MOST_MESSAGES} parts of one variable")
-        return found
+        return messages
 
     def _links(self) -> Iterator[tuple[str, int]]:
-        """Names and places of what the root holds."""
+        """Names and addresses of the objects in the root group."""
         dense = self._dense(_LINKS, 5)
         own = (message.data for message in self._root if message.kind == _LINK)
         for data in chain(own, dense):
             yield _link(data)
 
     def _dense(self, kind: int, tree_type: int) -> Iterator[bytes]:
-        """What lies in the root's heap of this kind, links (5) or attributes (8)."""
+        """The objects in the root's heap of this kind, links (5) or attributes (8)."""
         for message in self._root:
             if message.kind == kind:
                 counted = (8 if kind == _LINKS else 2) if message.data[1] & 1 else 0
@@ -213,9 +213,9 @@ class Reader:
             size = first << max(row - 1, 0)
             if at < start + width * size:
                 column = (at - start) // size
-                place = root + 13 + offset + 8 * (row * width + column)
+                address = root + 13 + offset + 8 * (row * width + column)
                 self._block(root, b"FHIB\x00", 5)
-                return _whole(self._read(place, 8)) + at - start - column * size
+                return _whole(self._read(address, 8)) + at - start - column * size
             start += width * size
         raise ValueError(_DAMAGED)
 
@@ -238,8 +238,8 @@ class Reader:
                 (_whole(behind[k : k + 8]), _whole(behind[k + 8 : k + 8 + width]))
                 for k in range(0, len(behind), 8 + width)
             ]
-        for place, count in leaves:
-            data = self._block(place, b"BTLF\x00", 6 + count * size)[6:]
+        for address, count in leaves:
+            data = self._block(address, b"BTLF\x00", 6 + count * size)[6:]
             yield from (data[k * size : (k + 1) * size] for k in range(count))
 
     def _variable(self, name: str, at: int) -> Variable:
@@ -259,17 +259,19 @@ class Reader:
             return Variable(shape, dtype, None)
         if layout[0] not in (3, 4) or layout[1] != 1:
             raise ValueError(f"{name} {_ELSEWHERE}")
-        place, stored = struct.unpack_from("<QQ", layout, 2)
-        found = Variable(shape, dtype, None if place == _NOWHERE else place)
-        if found.place is None and len(shape) > 1 and math.prod(shape) > 0:
+        address, stored = struct.unpack_from("<QQ", layout, 2)
+        variable = Variable(shape, dtype, None if address == _NOWHERE else address)
+        if variable.address is None and len(shape) > 1 and math.prod(shape) > 0:
             raise ValueError(f"{name} of shape {shape} without numbers")
-        if found.place is not None and (stored != found.length or place + stored > self._size):
-            raise ValueError(f"{name} of shape {shape} in {stored} bytes, from byte {place} on")
-        return found
+        if variable.address is not None and (
+            stored != variable.length or address + stored > self._size
+        ):
+            raise ValueError(f"{name} of shape {shape} in {stored} bytes, from byte {address} on")
+        return variable
 
     def _values(
         self, name: str, kind: bytes, shape: tuple[int, ...] | None, data: bytes
-    ) -> list[Any]:
+    ) -> list[object]:
         """The values of an attribute: numbers, or texts."""
         if shape is None:
             raise ValueError(f"attribute {name} without a value")
@@ -283,12 +285,10 @@ class Reader:
         form, variant = kind[0] & 15, kind[1] & 15
         if form == 3 and size:
             ends = {0: "\0", 1: "\0", 2: " "}
-            texts = [part.decode("utf-8").rstrip(ends.get(variant, "")) for part in parts]
-        elif form == 9 and variant == 1 and size == 16:
-            texts = [self._text(*struct.unpack("<IQI", part)).decode("utf-8") for part in parts]
-        else:
-            raise ValueError(f"attribute {name} of a type that is no text and no plain number")
-        return texts
+            return [part.decode("utf-8").rstrip(ends.get(variant, "")) for part in parts]
+        if form == 9 and variant == 1 and size == 16:
+            return [self._text(*struct.unpack("<IQI", part)).decode("utf-8") for part in parts]
+        raise ValueError(f"attribute {name} of a type that is no text and no plain number")
 
     def _text(self, length: int, heap: int, index: int) -> bytes:
         """A text of the global heap at `heap`."""
@@ -327,10 +327,10 @@ def _messages(data: bytes, lead: int) -> Iterator[Message]:
 
 
 def _only(header: list[Message], kind: int) -> bytes:
-    found = [message.data for message in header if message.kind == kind]
-    if len(found) != 1:
+    contents = [message.data for message in header if message.kind == kind]
+    if len(contents) != 1:
         raise ValueError(_DAMAGED)
-    return found[0]
+    return contents[0]
 
 
 def _name(raw: bytes) -> str:
@@ -341,7 +341,7 @@ def _name(raw: bytes) -> str:
 
 
 def _link(data: bytes) -> tuple[str, int]:
-    """The name and the place of a link."""
+    """The name and the address of a link."""
     flags, at = data[1], 2
     kind, at = (data[at], at + 1) if flags & 8 else (0, at)
     at += (8 if flags & 4 else 0) + (1 if flags & 16 else 0)
@@ -376,7 +376,7 @@ def _shape(space: bytes) -> tuple[int, ...] | None:
     return tuple(struct.unpack_from(f"<{rank}Q", space, start))
 
 
-def _number(kind: bytes) -> np.dtype[Any] | None:
+def _number(kind: bytes) -> np.dtype[np.generic] | None:
     """The plain number that a type describes; None for other types."""
     plain = bytes([kind[0] & 15]) + kind[1 : 20 if kind[0] & 15 else 12]
     return _NUMBERS.get(plain)

@@ -1,7 +1,7 @@
-"""Every limit on the size of what a user may give, each with its reason, in one place.
+"""Every limit on the size of a user's input, with its reason.
 
-Files are limited so that reading one cannot fill the memory or take minutes; runs are limited by what
-the machine has.
+Files are limited so that reading one cannot fill the memory or take minutes; runs are limited by the
+machine's memory.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MOST_CASE_FILES = 2_000
 MOST_PARTS = 250_000
 # Time steps of a flow: a plane one comes to rest in thousands.
 MOST_FLOW_STEPS = 1_000_000
-# What a program of OpenFOAM may say: icoFoam writes 400 bytes a time step.
+# The log of an OpenFOAM program: icoFoam writes 400 bytes a time step.
 MOST_LOG_BYTES = 1_000_000_000
 # A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.
 MOST_START_BYTES = 30_000_000
@@ -47,14 +47,14 @@ LARGEST_NUMBER = 1e100
 SMALLEST_NUMBER = 1e-100
 # VTK hands fields over in single precision, whose squares must stay finite as well.
 LARGEST_IN_A_CASE = 1e18
-# More of anything fits into no machine; products of two such counts still are floats.
+# No machine holds more of anything; the product of two such counts still is a float.
 MOST_COUNT = 10**18
-# A step's error in lengths and radian: double precision keeps no place to less, so no step is short
-# enough for less.
+# A step's error in lengths and radian: rounding of positions in double precision is as large, so no step is
+# short enough for less.
 LEAST_TOLERANCE = 1e-14
 # Rounding alone is 1e-13 of the largest force where a series of some hundred harmonics is summed.
 LEAST_HARMONICS_TOLERANCE = 1e-12
-# Times a million more steps than grids need; below, a run does not end.
+# A run with less takes more than a million times the steps that a grid needs, and does not end.
 LEAST_CFL = 1e-6
 # A hundredth of a degree in [0, 2 pi); the paper has 60.
 MOST_ANGLE_CELLS = 36_000
@@ -66,16 +66,16 @@ SMALLEST_STEP = 1e-15
 MOST_NAME = 100
 # A title stands above a figure.
 MOST_LINE = 300
-# What systems allow for a path, bytes.
+# Bytes of a path that systems allow.
 MOST_PATH = 4096
-# What icoFoam takes for a cell, measured at 200 x 200.
+# Memory of icoFoam for each cell, measured at 200 x 200.
 BYTES_PER_FLUID_CELL = 1_500
 
 # Seconds: a run whose end is further away at its present pace stops, unless it is given more.
 LONGEST_RUN = 30 * 86_400.0
 
 _PROCESS = Path("/proc/self")
-# What a shell's `ulimit` bounds, and the line of /proc/self/status that says what is taken of it.
+# The limits of a shell's `ulimit`, and the line of /proc/self/status with the bytes in use.
 _SHELL = ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData"))
 
 
@@ -85,7 +85,7 @@ def memory_limit() -> int:
 
 
 def memory_left() -> int:
-    """The bytes that this process may take beyond what it has."""
+    """The bytes that this process may take in addition to those it has."""
     status = _read(_PROCESS / "status")
     taken = {key: 1024 * int(size) for key, size in re.findall(r"(Vm\w+):\s+(\d+) kB", status)}
     return max(min(limit - taken.get(key, 0) for limit, key in _memory_limits()), 0)
@@ -130,7 +130,7 @@ def _control_groups() -> Iterator[Path]:
 
 
 def _read(path: Path) -> str:
-    """A small file of the system; nothing where there is none."""
+    """A small file of the system; empty if it does not exist."""
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError:

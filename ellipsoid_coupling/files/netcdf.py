@@ -1,6 +1,6 @@
 """result.nc as a file: written without a copy in memory, and read without trust.
 
-What is read is not given to the HDF5 library, see `hdf5`.
+The HDF5 library writes the file and never reads it, see `hdf5`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
@@ -22,11 +23,12 @@ from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, memory_limit
 
 if TYPE_CHECKING:
     import xarray as xr
+    from _typeshed import ReadableBuffer, WriteableBuffer
 
 _EXPECTED = "a result file"
 _REMEDY = "Give a result.nc that this package wrote."
 
-# Names other programs need; what they hold is not read.
+# Attributes that other programs need; they are not read.
 _NOT_READ = ("_NCProperties", "_nc3_strict")
 
 
@@ -44,6 +46,7 @@ class Stored:
         The extent of every dimension, with or without numbers of its own.
     """
 
+    # Any: the file decides the kinds of values, and `Result` checks them.
     attributes: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
     sizes: dict[str, int]
@@ -52,15 +55,15 @@ class Stored:
 def write_netcdf(data: xr.Dataset, path: Path) -> None:
     """Write a data set as NetCDF-4 with a checksum behind it.
 
-    Arrays go to the disk as they are. The HDF5 library does not survive a full disk, so it hears of
-    none; OSError comes when it is done.
+    Arrays go to the disk without a copy. The HDF5 library crashes on a full disk, so write errors are kept
+    from it and raised as OSError when it is done.
     """
     import h5netcdf
 
     with path.open("w+b") as file:
         target = _Forgiving(file)
         try:
-            # The oldest format is the one that `read_netcdf` knows.
+            # `read_netcdf` reads the oldest format only.
             with h5netcdf.File(target, "w", libver="earliest") as made:
                 made.dimensions = {str(name): size for name, size in data.sizes.items()}
                 made.attrs.update(data.attrs)
@@ -93,30 +96,34 @@ def read_netcdf(path: Path) -> Stored:
             raise InputError(str(path), _EXPECTED, found, _REMEDY) from None
 
 
-def _read_objects(opened: Reader, size: int) -> tuple[dict[str, int], dict[str, NDArray[Any]]]:
-    """Every array of the file; all are looked at before the first is read."""
-    found = opened.variables()
-    needed = sum(variable.length for variable in found.values())
+def _read_objects(
+    opened: Reader, size: int
+) -> tuple[dict[str, int], dict[str, NDArray[np.generic]]]:
+    """Every array of the file; all sizes are checked before the first array is read."""
+    variables = opened.variables()
+    needed = sum(variable.length for variable in variables.values())
     if needed > size:
         raise ValueError(f"{needed} bytes of numbers in a file of {size} bytes")
-    sizes = {name: v.shape[0] for name, v in found.items() if len(v.shape) == 1}
+    sizes = {name: v.shape[0] for name, v in variables.items() if len(v.shape) == 1}
     # A dimension without a coordinate has no numbers.
-    held = {name: v for name, v in found.items() if v.place is not None or not math.prod(v.shape)}
-    return sizes, {name: opened.numbers(variable) for name, variable in held.items()}
+    with_numbers = {
+        name: v for name, v in variables.items() if v.address is not None or not math.prod(v.shape)
+    }
+    return sizes, {name: opened.numbers(variable) for name, variable in with_numbers.items()}
 
 
 def _attributes(opened: Reader) -> dict[str, Any]:
-    """Each as Python's own: one of a single value is that value, more are a list."""
-    found = dict[str, Any]()
+    """Attributes as Python values: a single value, or a list of several."""
+    attributes = dict[str, Any]()
     for name, values in opened.attributes(_NOT_READ):
-        if name in found:
+        if name in attributes:
             raise ValueError(f"two attributes {name}")
         _check_texts(name, values)
-        found[name] = values[0] if len(values) == 1 else values
-    return found
+        attributes[name] = values[0] if len(values) == 1 else values
+    return attributes
 
 
-def _check_texts(name: str, values: list[Any]) -> None:
+def _check_texts(name: str, values: list[object]) -> None:
     for text in values:
         if isinstance(text, str) and not text.replace("\n", "").isprintable() and text:
             raise ValueError(f"attribute {name} with characters that are not printable")
@@ -125,7 +132,7 @@ def _check_texts(name: str, values: list[Any]) -> None:
 
 
 class _Forgiving(io.RawIOBase):
-    """A file to write to that keeps its first fault to itself."""
+    """A file to write to that stores its first error instead of raising it."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._handle, self._place = file.fileno(), 0
@@ -141,7 +148,7 @@ class _Forgiving(io.RawIOBase):
         """As of any file."""
         return self._place
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: WriteableBuffer) -> int:
         """All of it: zeros beyond the end."""
         view = memoryview(buffer).cast("B")
         read = os.preadv(self._handle, [view], self._place)
@@ -149,7 +156,7 @@ class _Forgiving(io.RawIOBase):
         self._place += len(view)
         return len(view)
 
-    def write(self, buffer: Any) -> int:
+    def write(self, buffer: ReadableBuffer) -> int:
         """All of it, or nothing after a fault."""
         view = memoryview(buffer).cast("B")
         written = 0

@@ -1,7 +1,7 @@
-"""Open what a user names: ordinary files of a bounded size only, and every failure in words.
+"""Open a user's files: ordinary files of a bounded size only, and a message for every failure.
 
-A path may be a folder, a pipe that never speaks, a device that never ends, a loop of links, or no
-path at all; nothing here waits, and nothing takes more memory than its limit.
+A path may be a folder, a pipe without a writer, an endless device, a loop of links, or no path at all;
+nothing here waits, and nothing takes more memory than its limit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import in_words
 
+# Any: the file decides the kind of numbers, and its reader checks it.
 Arrays = dict[str, NDArray[Any]]
 
 _KINDS = (
@@ -36,7 +37,7 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 _PIECE = 1 << 20
-# gzip writes one part; each one more costs a copy of what follows it.
+# gzip writes one part; each further part costs a copy of the rest.
 _MOST_GZIP_PARTS = 16
 _REASONS = {
     errno.ENOENT: "no such file",
@@ -45,12 +46,12 @@ _REASONS = {
     errno.EACCES: "no permission to read it",
     errno.ENAMETOOLONG: "a name that is too long",
 }
-# What zipfile raises on damaged files (RuntimeError: encrypted, NotImplementedError: not to be read).
+# Errors of zipfile on damaged files (RuntimeError: encrypted, NotImplementedError: not to be read).
 _DAMAGED = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError, LookupError,
     struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
-# What stands before each entry of an archive's list, and how numpy packs.
+# The mark before each entry of an archive's list, and numpy's way of packing.
 _ENTRY = b"PK\x01\x02"
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 # The header of an .npy of numbers or text: magic, version 1.0, length, one literal, blanks.
@@ -61,7 +62,7 @@ _HEADER = re.compile(
 
 
 def exists(path: Path) -> bool:
-    """Whether anything is there, a broken link included; False for what is no path at all."""
+    """Whether anything is there, a broken link included; False for a text that cannot be a path."""
     try:
         path.lstat()
     except (OSError, ValueError):
@@ -70,16 +71,16 @@ def exists(path: Path) -> bool:
 
 
 def is_ordinary(path: Path) -> bool:
-    """Whether `path` is an ordinary file, links followed; False for what is no path at all."""
+    """Whether `path` is an ordinary file, links followed; False for a text that cannot be a path."""
     return _mode(path, stat.S_ISREG)
 
 
 def is_folder(path: Path) -> bool:
-    """Whether `path` is a folder, links followed; False for what is no path at all."""
+    """Whether `path` is a folder, links followed; False for a text that cannot be a path."""
     return _mode(path, stat.S_ISDIR)
 
 
-def _mode(path: Path, test: Any) -> bool:
+def _mode(path: Path, test: Callable[[int], bool]) -> bool:
     try:
         return bool(test(path.stat().st_mode))
     except (OSError, ValueError):
@@ -92,8 +93,8 @@ def open_ordinary(path: Path, expected: str, most: int) -> Iterator[BinaryIO]:
 
     Parameters
     ----------
-    path : what the user named
-    expected : what it should be, for the message: "a scene file"
+    path : the user's path
+    expected : the expected kind of file, for the message: "a scene file"
 
     Raises InputError for anything else: missing, a folder, a pipe, a device, too large, unreadable;
     and for an error of the system while it is read.
@@ -164,7 +165,7 @@ def read_text(path: Path, expected: str, most: int) -> str:
 
 
 def unpack(data: bytes, path: Path, expected: str, most: int) -> bytes:
-    """What a gzip file holds, of at most `most` bytes; InputError for a damaged or larger one."""
+    """The contents of a gzip file, at most `most` bytes; InputError for a damaged or larger one."""
     unpacked = unpack_beginning(data, path, expected, most + 1)
     if len(unpacked) > most:
         raise InputError(
@@ -175,7 +176,7 @@ def unpack(data: bytes, path: Path, expected: str, most: int) -> bytes:
 
 
 def unpack_beginning(data: bytes, path: Path, expected: str, size: int) -> bytes:
-    """The first `size` bytes, or all, of what a gzip file holds; no more than that is unpacked."""
+    """The first `size` bytes of a gzip file's contents, or all; no more than that is unpacked."""
     parts, left = [], size
     for _ in range(_MOST_GZIP_PARTS):
         try:
@@ -200,7 +201,7 @@ def read_arrays(path: Path, expected: str, most: int, members: int) -> Arrays:
 
     `members` is how many arrays there may be.
 
-    Sizes are taken from the headers and compared with what the file holds before any array is made.
+    Sizes are taken from the headers and compared with the file's before any array is made.
 
     Raises
     ------
@@ -244,7 +245,7 @@ def _check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: in
 
 def _array(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path, expected: str
-) -> NDArray[Any]:
+) -> NDArray[np.generic]:
     """One member; its header is the one line that numpy writes for plain numbers, or refused."""
     name = member.filename.removesuffix(".npy")
     # No more is unpacked than the file says it is: read() without a number would go to the end.

@@ -9,15 +9,15 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import ClassVar
 
-# SIGHUP is what a lost connection sends; nohup ignores it, and so do we then.
+# A lost connection sends SIGHUP; under nohup it is ignored, and stays so.
 _CAUGHT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class Interruption:
-    """Which signal has asked the run to end: `signal` is 0 as long as none has.
+    """The signal that has asked the run to end; `signal` is 0 without one.
 
-    `pending` is the one that a run of this program has noted and not yet obeyed: a step whose kernels
-    are being compiled may take minutes, in which a user wants to know that the signal was seen.
+    `pending` is a signal that was noted and not yet obeyed. A step whose kernels are being compiled may
+    take minutes, and meanwhile a user wants to know that the signal was seen.
     """
 
     pending: ClassVar[int] = 0
@@ -26,7 +26,7 @@ class Interruption:
         self.signal = 0
 
     def note(self, number: int, _frame: FrameType | None) -> None:
-        """Remember a signal; whoever presses Ctrl-C twice does not want to wait."""
+        """Remember a signal; a second Ctrl-C ends the run at once."""
         if self.signal == signal.SIGINT == number:
             raise KeyboardInterrupt
         self.signal = Interruption.pending = number
@@ -51,7 +51,7 @@ def noticed() -> Iterator[Interruption]:
     if threading.current_thread() is not threading.main_thread():
         yield asked
         return
-    # What is ignored stays so: SIGINT in the background of a shell.
+    # Ignored signals stay ignored, such as SIGINT in the background of a shell.
     caught = [number for number in _CAUGHT if signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, asked.note) for number in caught}
     try:

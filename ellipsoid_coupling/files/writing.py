@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Writing files completely or not at all."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import WriteError
 
-Arrays = dict[str, NDArray[Any]]
+Arrays = dict[str, NDArray[np.generic]]
 
 
 def halves(folder: Path, names: Iterable[str]) -> list[Path]:
-    """What `whole_file` was writing in a folder for files of these names when it was killed."""
+    """The incomplete files that `whole_file`, when killed, left in a folder for files of these names."""
     wanted = [
         re.compile(rf"\.{re.escape(name.stem)}\.\d+{re.escape(name.suffix)}")
         for name in map(Path, names)
@@ -31,15 +30,15 @@ def halves(folder: Path, names: Iterable[str]) -> list[Path]:
 def whole_file(path: Path, *, new_folder: bool = True) -> Iterator[Path]:
     """A name beside `path`, of the same suffix, to write to; flushed and renamed on leaving.
 
-    The folder is made where it is missing, unless `new_folder` is False: what was claimed and then
-    removed must not come back unclaimed. After an error nothing is left and an older file stays.
+    The folder is made if it is missing, unless `new_folder` is False: a claimed folder that was removed
+    must not come back without its lock. After an error nothing is left and an older file stays.
 
     Raises
     ------
     WriteError
         If it cannot be written: a full disk, no permission, a folder that has gone.
     """
-    # Nobody else's, whatever the process ids, and no name at which a link could have been laid.
+    # A random name: no other process uses it, and nobody can have placed a link there.
     beside = path.with_name(f".{path.stem}.{secrets.randbelow(10**18)}{path.suffix}")
     try:
         if new_folder:
@@ -73,14 +72,14 @@ def flush(path: Path) -> None:
 def _remove(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
-    except OSError:  # its folder has gone or turned read-only: what led here is being told
+    except OSError:  # the folder is gone or read-only; the error that led here is reported
         return
 
 
 def write_arrays(
-    path: Path, arrays: Mapping[str, NDArray[Any]], *, new_folder: bool = True
+    path: Path, arrays: Mapping[str, NDArray[np.generic]], *, new_folder: bool = True
 ) -> None:
-    """Write named arrays of numbers as an .npz, stored as they are; whole or not there."""
+    """Write named arrays of numbers as an .npz without compression, completely or not at all."""
     with whole_file(path, new_folder=new_folder) as beside, beside.open("wb") as file:
         np.savez(
             file, allow_pickle=False, **{k: np.asarray(a, order="C") for k, a in arrays.items()}

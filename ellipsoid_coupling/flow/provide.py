@@ -12,12 +12,11 @@ from typing import NamedTuple
 from ellipsoid_coupling.errors import InputError, WriteError
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.openfoam.programs import INSTALL, openfoam_available
-from ellipsoid_coupling.flow.openfoam.solve import (
-    Report,
+from ellipsoid_coupling.flow.openfoam.solve import Report, solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import (
     case_folder,
     is_solved,
     kept_folders,
-    solve_case,
     solved_folder,
 )
 

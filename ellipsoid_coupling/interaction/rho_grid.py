@@ -53,6 +53,11 @@ class HarmonicInteraction:
     series : AngularSeries
         For the grid's spacing.
 
+    Attributes
+    ----------
+    precision : float32 or float64
+        Of the transforms.
+
     Raises
     ------
     InputError
@@ -64,10 +69,10 @@ class HarmonicInteraction:
         self.grid_shape = grid_shape
         self.series = series
         sizes = series.h**2, series.shape.size, strength
-        self._precision = precision_for(series.tolerance, *sizes)
-        kernel = AngularKernel(series, strength, self._precision)
+        self.precision = precision_for(series.tolerance, *sizes)
+        kernel = AngularKernel(series, strength, self.precision)
         spectra = FittedSpectra(grid_shape, kernel.cells, kernel)
-        self._convolve = Convolution(spectra, self._precision)
+        self._convolve = Convolution(spectra, self.precision)
         self._pool = BufferPool()
 
     def __call__(self, density: Array, angle: Array) -> Forces:
@@ -84,12 +89,12 @@ class HarmonicInteraction:
 
     def _add_forces(self, density: Array, angle: Array, out: Array) -> None:
         functions = 2 * self.series.harmonics + 1
-        basis: Real = self._pool.array("basis", (functions, *density.shape), self._precision)
+        basis: Real = self._pool.array("basis", (functions, *density.shape), self.precision)
 
         def sources(part: slice) -> Real:
             angular_basis(angle[part], basis[:, part])
             # b_q(phi) rho: the same basis weights the result in `add`.
-            mass: Real = density[part].astype(self._precision)
+            mass: Real = density[part].astype(self.precision)
             return basis[:, part] * mass
 
         def add(part: slice, fields: Real) -> None:

@@ -1,50 +1,56 @@
-"""What every model offers to the time loop, and what it is built from."""
+"""The protocol of a model, and the setup that it is built from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.failure_site import FailureSite
+from ellipsoid_coupling.models.kind import ModelKind
+from ellipsoid_coupling.models.schemes import SchemeName
 from ellipsoid_coupling.scenes import Scene, Terms
 
 Arrays = dict[str, NDArray[np.generic]]
+# Any: a number or a text, which the name decides.
 Counts = dict[str, Any]
-SchemeName = Literal["paper", "accurate"]
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything a model is built from; two equal setups give the same bits."""
+    """Everything that a model is built from; two equal setups give the same bits.
+
+    `flow` is None for a scene without a fluid, and in `Model.require_fit`, which looks at the scene alone.
+    """
 
     scene: Scene
     terms: Terms
     scheme: SchemeName
-    flow: FlowField | None  # None, too, while only the scene is looked at: `Model.require_fit`
+    flow: FlowField | None
     seed: int
     realisations: int
 
 
 class Health(NamedTuple):
-    """What the monitors watch.
+    """What the monitors check.
 
     Attributes
     ----------
     mass : float
-        Of all that is inside; of particles, the part that has not left the flow's mesh.
+        Of all that is inside the domain; of particles, the part that is still on the flow's mesh.
     least_density : float
-        0 for particles.
+        The smallest density of any cell; 0 for particles.
     speeds : (float, float)
-        Root mean square of v and of omega, by mass.
+        Root mean square of v and of omega, weighted by mass.
     forces : (float, float)
-        Bounds of the drift, per mass and per inertia, without its linear part: of particles, in all
-        steps so far, of grids now; infinite where something else drives as well (pressure).
+        Upper bounds of the drift's size, per mass and per inertia, without the damping. Particles give
+        the largest of all steps so far, grids the present one. Infinite under pressure, which drives as
+        well.
     outside : int
-        Particles' coordinates beyond reflecting walls; 0 for grids and where edges are open.
+        Coordinates of particles beyond reflecting walls; 0 for grids and for open edges.
     """
 
     mass: float
@@ -55,16 +61,27 @@ class Health(NamedTuple):
 
 
 class Model(Protocol):
-    """One model on one scene, somewhere between start and end.
+    """One model on one scene, somewhere between start and end: all that the time loop asks for.
 
-    `advance` does a bounded amount of work, so that progress can be shown and checkpoints written
-    between calls; the steps that it takes do not depend on how it is cut into calls.
+    A class with these members is a model. It is found by itself as `MODEL` of a file in
+    `ellipsoid_coupling.models`, and is added from outside by `register_model`.
+
+    The contract is the same bits: two models that are built from equal setups give equal snapshots,
+    for any number of threads and wherever `advance` is cut into calls, and a model that is restored
+    from a `state` continues as if it had never stopped. So a step depends on nothing but the setup and
+    the state: random numbers come from `Setup.seed` and a counter that stands in the state, and no step
+    is shortened for the clock on the wall.
+
+    Attributes
+    ----------
+    kinds : tuple of ModelKind
+        The properties that the class declares, one entry for each of its names.
+    name : str
+        The name that it was built by.
     """
 
-    names: ClassVar[tuple[str, ...]]
-    layout: ClassVar[Literal["particles", "rho", "q"]]
-    # Whether all that it holds takes each step at once, or one realisation after another.
-    together: ClassVar[bool]
+    kinds: ClassVar[tuple[ModelKind, ...]]
+    name: str
 
     def __init__(self, name: str, setup: Setup) -> None:
         """Build the model called `name` and put it to the scene's start."""
@@ -72,42 +89,79 @@ class Model(Protocol):
 
     @staticmethod
     def require_fit(setup: Setup) -> None:
-        """Raise InputError for a scene that the model does not fit; looks at no flow, costs nothing."""
+        """Refuse a scene that the model has no equations for; called before a flow is there.
+
+        Allocates and computes nothing.
+
+        Raises
+        ------
+        InputError
+            With the key at fault, the expected value and a remedy.
+        """
         ...
 
     @property
     def time(self) -> float:
-        """The time that all of the model has reached."""
+        """The time, in the scene's unit, that all of the model has reached."""
         ...
 
     def advance(self, until: float) -> None:
-        """Take some steps, none beyond `until`; raises RunError where it cannot go on."""
+        """Take some steps, none beyond `until`, and reach it after a finite number of calls.
+
+        A call takes a bounded amount of work, best some hundredths of a second: between calls progress
+        is shown, the monitors look and checkpoints are written. The steps do not depend on how they are
+        cut into calls.
+
+        Raises
+        ------
+        RunError
+            If a step is impossible, with the time, the position and a remedy.
+        """
         ...
 
     def snapshot(self) -> Arrays:
-        """The variables of the result file at the present time (without the time axis)."""
+        """The variables of the result file at the present time, float64 in the scene's units.
+
+        Axes by `ModelKind.layout`, without the axis of time:
+
+            particles   (realisation, particle)   x, y, angle, velocity_x, velocity_y, angular_velocity
+            rho         (y, x)                    density, mean_angle, and the three velocities
+            q           (angle, y, x)             density and the three velocities
+
+        Angles are in radian and not reduced; a density is mass per area (rho), or per area and radian
+        (q), of a mass of 1 in all. Velocities are 0 where there is no mass. The arrays are the caller's
+        own: later steps do not change them.
+        """
         ...
 
     def state(self) -> Arrays:
-        """Everything that a later `restore` needs to go on bit for bit."""
+        """Everything that `restore` needs to go on bit for bit, as a dictionary of arrays of numbers.
+
+        Names, shapes and dtypes stay the same for the whole run. The arrays may be the model's own.
+        """
         ...
 
     def restore(self, state: Arrays) -> None:
-        """Continue from a `state`."""
+        """Continue from a `state`, of which some arrays may be left out: these keep their values."""
         ...
 
-    def spot(self) -> Spot:
-        """Where the drift is strongest now, and by which term."""
+    def failure_site(self) -> FailureSite:
+        """Where the drift is strongest now, and by which term: for the message of a failure."""
         ...
 
     def health(self) -> Health:
-        """What the monitors watch; cheap against a step."""
+        """What the monitors check after each `advance`; cheap against a step."""
         ...
 
     def counts(self) -> Counts:
-        """Attributes for the result file: the log of the steps, mass, ..."""
+        """Attributes for the result file, numbers and texts.
+
+        Required are mass_start, mass_end and mass_left (through open edges), whose balance the monitors
+        and the stability map check, and steps. `step_control.step_log` makes the log of the steps,
+        `run_warnings.as_counts` the sentences of `Result.warnings`.
+        """
         ...
 
     def coordinates(self) -> dict[str, NDArray[np.float64]]:
-        """The coordinates of the snapshot's axes that are not plain counts."""
+        """The coordinates of the snapshot's axes that are not plain counts: x, y (m,), angle (na,)."""
         ...

@@ -6,7 +6,7 @@ cell and its warnings are. Which stepper steps it follows from what its `System`
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,11 @@ from ellipsoid_coupling.finite_volume.splitting import (
 )
 from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
-from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.failure_site import FailureSite
+from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_start
+from ellipsoid_coupling.models.schemes import SchemeName
 from ellipsoid_coupling.stepping.status import MEANING, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
     CFL_LIMIT,
@@ -82,8 +84,7 @@ class CellModel:
         See `stepping.step_control`.
     """
 
-    layout: ClassVar[Literal["particles", "rho", "q"]]
-    together: ClassVar[bool] = True
+    kinds: ClassVar[tuple[ModelKind, ...]]
     steps_per_call: int = 16
 
     def __init__(self, name: str, setup: Setup, cells: CellFields) -> None:
@@ -132,10 +133,10 @@ class CellModel:
         what, remedy = MEANING[status]
         return RunError(
             f"{self._setup.scene.name}, {self.name}, t = {self.time:.6g}, "
-            f"step {int(self.clock[0, STEPS])}: {what}. {self.spot()} {remedy}"
+            f"step {int(self.clock[0, STEPS])}: {what}. {self.failure_site()} {remedy}"
         )
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """Where something is strongest, and by which term."""
         raise NotImplementedError
 

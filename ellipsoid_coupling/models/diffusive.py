@@ -16,7 +16,9 @@ from typing import ClassVar
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.from_scene import scene_rates
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.r_grid import RGridEquation
+from ellipsoid_coupling.models.summation import on_r_grid
 
 
 class Diffusive(RGridEquation):
@@ -29,7 +31,17 @@ class Diffusive(RGridEquation):
         particles that turn: there is no such limit.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("diffusive",)
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "diffusive",
+            label="diffusive limit",
+            layout="rho",
+            rank=6,
+            style=LineStyle("#CC79A7", (0.0, (2.0, 1.0)), "v"),
+            summation=on_r_grid,
+            overdamped=True,
+        ),
+    )
 
     slaved: ClassVar[bool] = True
 

@@ -1,4 +1,4 @@
-"""Where a run went wrong, and which term pulls hardest there: for the message of a failure."""
+"""Where the drift is strongest, and by which term: for the message of a failure."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ Floats = NDArray[np.float64]
 FLUID, OUTER, PAIRS, TORQUE = "the fluid", "V1", "interaction and walls", "the torque"
 
 
-class Spot(NamedTuple):
-    """The worst place, and how strong each term is there (per mass, per inertia).
+class FailureSite(NamedTuple):
+    """Where the drift is strongest, and how strong each of its terms is there.
 
     Attributes
     ----------
-    place : tuple of float
-        x, y and, where the model resolves it, the angle.
-    terms : dict
-        Magnitudes by name.
+    position : tuple of float
+        x, y and, in models that resolve it, the angle.
+    strengths : dict
+        Magnitudes by the term's name, per mass or per inertia.
     """
 
-    place: tuple[float, ...]
-    terms: dict[str, float]
+    position: tuple[float, ...]
+    strengths: dict[str, float]
 
     def __str__(self) -> str:
-        where = ", ".join(f"{value:.6g}" for value in self.place)
-        if not all(map(math.isfinite, self.terms.values())):
+        where = ", ".join(f"{value:.6g}" for value in self.position)
+        if not all(map(math.isfinite, self.strengths.values())):
             return f"The first forces that are not finite are at ({where})."
-        strongest = max(self.terms, key=lambda name: self.terms[name])
-        return f"The strongest term is {strongest}, {self.terms[strongest]:.3g} at ({where})."
+        strongest = max(self.strengths, key=lambda name: self.strengths[name])
+        return f"The strongest term is {strongest}, {self.strengths[strongest]:.3g} at ({where})."
 
 
 def worst(values: Sequence[Floats] | Floats, counts: NDArray[np.bool_] | None = None) -> int:

@@ -1,7 +1,7 @@
-"""Whether a flow and a scene fit together: what does not is refused before anything is computed.
+"""Whether a flow and a scene fit together; if not, the run is refused before anything is computed.
 
-A particle or cell is in the fluid where `FlowSample.inside` says so: within the flow's rectangle, and
-not in a cell of it that lies in a solid or beyond the mesh. Where a domain reflects there must be a
+A particle or cell is in the fluid where `FlowSample.inside` is True: within the flow's rectangle, and
+not in one of its cells that lies in a solid or beyond the mesh. Where a domain reflects there must be a
 wall: a side of the flow's rectangle that no fluid crosses.
 """
 
@@ -18,10 +18,10 @@ from ellipsoid_coupling.scenes import Scene
 
 Floats = NDArray[np.float64]
 
-# Meshes may come in single precision.
+# Relative; meshes may be saved in single precision.
 _SAME_PLACE = 1e-5
-# Of the largest speed, on the mean along a side: faster fluid crosses it. Walls are tight to rounding,
-# but where the spline meets a solid beside them: 2 % at single points, 0.1 % on the mean.
+# Largest mean speed across a wall, relative to the largest speed. Walls are tight to rounding, except
+# where the spline meets a solid beside them: 2 % at single points, 0.1 % on the mean.
 _TIGHT = 5e-3
 # Points on a side, and along each axis for the largest speed.
 _POINTS = 401
@@ -37,14 +37,14 @@ def rectangle(flow: FlowField) -> str:
 
 
 def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
-    """Whether particles of the scene can come to where the flow is not known."""
+    """Whether particles of the scene can leave the region in which the flow is known."""
     if flow is None or math.isinf(flow.bounds[0]):
         return False
     if scene.domain.boundary == "open" or not flow.arrays.mask.all():
         return True
     x, y, arrays = scene.domain.x, scene.domain.y, flow.arrays
-    held = arrays.x_low <= x[0] and x[1] <= arrays.x_high
-    return not (held and arrays.y_low <= y[0] and y[1] <= arrays.y_high)
+    within_x = arrays.x_low <= x[0] and x[1] <= arrays.x_high
+    return not (within_x and arrays.y_low <= y[0] and y[1] <= arrays.y_high)
 
 
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
@@ -74,7 +74,7 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
 
 
 def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
-    """Why a side of the domain is no wall of the flow; "" where it is one."""
+    """Why a side of the domain is not a wall of the flow; "" if it is one."""
     low, high = flow.bounds[2 * axis : 2 * axis + 2]
     at, wall = (scene.domain.x, scene.domain.y)[axis][end], (low, high)[end]
     letter = "xy"[axis]
@@ -90,7 +90,7 @@ def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
 
 
 def _mean_across(flow: FlowField, axis: int, wall: float) -> float:
-    """The mean speed across a side of the flow's rectangle, where that is in the fluid."""
+    """The mean speed across a side of the flow's rectangle, over its points in the fluid."""
     low, high = flow.bounds[2 - 2 * axis : 4 - 2 * axis]
     along = np.linspace(low, high, _POINTS)
     at = np.full(_POINTS, wall)
@@ -107,12 +107,12 @@ def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Flo
     scene : Scene
     flow : FlowField or None
     x, y : float64 of one shape
-        Where they start.
+        Their start positions.
 
     Raises
     ------
     InputError
-        With the place of the first one.
+        With the position of the first one.
     """
     if flow is None:
         return

@@ -25,12 +25,15 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.compiled.tuning import SAMPLE_STEPS_PER_CALL
+from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.from_scene import scene_drift
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
+from ellipsoid_coupling.models.summation import among_samples
 from ellipsoid_coupling.particles.forces import BlockForces, Forces
 from ellipsoid_coupling.particles.shared_clock import advance_shared_clock
 from ellipsoid_coupling.particles.state import ParticleState
@@ -44,18 +47,15 @@ Flags = NDArray[np.uint8]
 _BLOCK = 1024
 
 
-def even_points(scene: Scene, samples: int) -> Floats:
+def _blocks_of_points(scene: Scene, samples: int) -> Floats:
     """Midpoints of side x side equal parts of the start box, row by row: (K, 2, B).
 
     As many rows are a block as make `_BLOCK` samples at most; two blocks at least, or a row.
     """
     side = max(1, round(np.sqrt(samples)))
-    part = (np.arange(side) + 0.5) / side
-    x = scene.start.x[0] + (scene.start.x[1] - scene.start.x[0]) * part
-    y = scene.start.y[0] + (scene.start.y[1] - scene.start.y[0]) * part
     fitting = [rows for rows in range(1, side) if side % rows == 0 and rows * side <= _BLOCK]
     blocks = side // max(fitting, default=1)
-    points = np.stack(np.meshgrid(x, y)).reshape(2, blocks, -1)
+    points = even_points(scene.start.x, scene.start.y, side, side).reshape(2, blocks, -1)
     return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
@@ -64,7 +64,7 @@ def start_points(setup: Setup) -> Floats:
     scene, realisations = setup.scene, setup.realisations
     if setup.terms.noise or setup.terms.angular_noise:
         return random_points(scene, setup.seed, realisations)
-    return even_points(scene, scene.particles.number * realisations)
+    return _blocks_of_points(scene, scene.particles.number * realisations)
 
 
 def _interact(
@@ -92,8 +92,17 @@ def _interact(
 class McKeanVlasov(ParticleModel):
     """`Model` of the nonlinear process."""
 
-    names: ClassVar[tuple[str, ...]] = ("mckean_vlasov",)
-    together: ClassVar[bool] = True
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "mckean_vlasov",
+            label="McKean-Vlasov",
+            layout="particles",
+            rank=2,
+            style=LineStyle("#000000", (0.0, (1.0, 1.0)), "*"),
+            random_motion=True,
+            summation=among_samples,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         state = start_at_rest(setup, start_points(setup), 1)

@@ -1,8 +1,8 @@
-"""How much memory a run takes at its peak, found from the scene before anything of it is allocated.
+"""How much memory a run takes at its peak, estimated from the scene before anything is allocated.
 
 The peak is at the end, where snapshots become the arrays of result.nc, or within the last steps. Each
-estimate is the sum of the arrays that the code makes; `tests/models/test_memory.py` compares them with
-what runs take. A run that does not fit is refused before its folder is made.
+estimate is the sum of the arrays that the code makes; `tests/models/test_memory.py` compares it with
+measured runs. A run that does not fit is refused before its folder is made.
 """
 
 from __future__ import annotations
@@ -14,42 +14,39 @@ from ellipsoid_coupling.files.limits import in_words, memory_left
 from ellipsoid_coupling.interaction.pairs.cells import CELLS_PER_REACH
 from ellipsoid_coupling.interaction.particle_mesh.nodes import nodes_per_width
 from ellipsoid_coupling.interaction.particle_mesh.select import affordable_harmonics, scene_samples
-from ellipsoid_coupling.models.base import Model, Setup
+from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK
-from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 
 _NUMBER = 8  # bytes of a float64
 
-# What kernels that are compiled, and the libraries that write the result, take besides; bytes.
+# Bytes of compiled kernels and of the libraries that write the result.
 _LIBRARIES = 1.5e8
-# Numbers an item has beside what is saved of it. Particles: 3 x (place, velocity, force), and a flag.
-# Cells: fields with their ghosts, drift, their copies for a refused step, what of the drift is constant.
+# Numbers for each item besides its saved variables. Particles: 3 x (position, velocity, force) and a flag.
+# Cells: fields with ghosts, drift, copies of both for a refused step, and the drift's constant part.
 _WORK = {
-    ("particles", "paper"): 10,
-    ("particles", "accurate"): 10,
-    ("rho", "paper"): 16,
-    ("rho", "accurate"): 22,
-    ("q", "paper"): 10,
-    ("q", "accurate"): 12,
+    "particles": {"paper": 10, "accurate": 10},
+    "rho": {"paper": 16, "accurate": 22},
+    "q": {"paper": 10, "accurate": 12},
 }
-# Under pressure `accurate` keeps the stages of a step.
-_STAGES = 15
-# Of particles that one step takes together: the trial step, sums and sorted copies.
+# Under pressure the stages of a step are kept.
+_STAGES = {"paper": 0, "accurate": 15}
+# For particles that take a step together: the trial step, sums and sorted copies.
 _TRIAL = {"paper": 2, "accurate": 14}
 _PAIRS = 14
 _GRID_FORCES = {"rho": 6, "q": 4}
-# Variables in the result file. While one is put together from the snapshots, it is there twice.
+# Variables in the result file. Each is in memory twice while it is assembled from the snapshots.
 _SAVED = {"particles": 6, "rho": 5, "q": 4}
-# Grids step aside from a copy to a save time before the end, see `step_control.Aside`: fields and drift.
+# Grids reach a save time before the end on a copy of fields and drift, see `step_control.Aside`.
 _ASIDE = {"particles": 0, "rho": 8, "q": 4}
 _PER_GHOST = 5
 
 
 class Need(NamedTuple):
-    """What takes memory: its name, how many items, the scene's keys that set it, bytes."""
+    """One consumer of memory: its name, the number of items, the scene's keys that set it, bytes."""
 
     what: str
     number: float
@@ -57,9 +54,9 @@ class Need(NamedTuple):
     size: float
 
 
-def require_memory(model: type[Model], name: str, setup: Setup) -> None:
+def require_memory(kind: ModelKind, setup: Setup) -> None:
     """InputError, with the bytes and the keys at fault, for a run that the machine cannot hold."""
-    needs = _needs(model, name, setup)
+    needs = _needs(kind, setup)
     worst, total = max(needs, key=lambda need: need.size), sum(need.size for need in needs)
     left = memory_left()
     if total > left:
@@ -72,19 +69,17 @@ def require_memory(model: type[Model], name: str, setup: Setup) -> None:
         )
 
 
-def peak_memory(model: type[Model], name: str, setup: Setup) -> float:
-    """Bytes that a run takes at its peak, beside what its process has before it."""
-    return sum(need.size for need in _needs(model, name, setup))
+def peak_memory(kind: ModelKind, setup: Setup) -> float:
+    """Bytes that a run takes at its peak, on top of what its process has already."""
+    return sum(need.size for need in _needs(kind, setup))
 
 
-def _needs(model: type[Model], name: str, setup: Setup) -> list[Need]:
+def _needs(kind: ModelKind, setup: Setup) -> list[Need]:
     needs = [Need("libraries", 1.0, "", _LIBRARIES)]
-    if model.layout != "particles":
-        under_pressure = PRESSURE.get(name.removeprefix("q_"), 0.0) > 0.0
-        staged = under_pressure and setup.scheme == "accurate"
-        return needs + _grid_needs(model.layout, setup, _STAGES if staged else 0)
-    needs += _particle_needs(model, setup) + _pair_needs(setup.scene)
-    if name == "mckean_vlasov":
+    if kind.is_grid:
+        return needs + _grid_needs(kind, setup)
+    needs += _particle_needs(kind, setup) + _pair_needs(setup.scene)
+    if kind.is_sampled_density:
         needs += _node_needs(setup.scene, setup.realisations)
     return needs
 
@@ -97,15 +92,15 @@ def _saved(layout: str, times: int) -> tuple[float, float]:
     return variables * (times - 1.0) + _ASIDE[layout], (variables + 1.0) * times
 
 
-def _particle_needs(model: type[Model], setup: Setup) -> list[Need]:
+def _particle_needs(kind: ModelKind, setup: Setup) -> list[Need]:
     scene, terms, scheme = setup.scene, setup.terms, setup.scheme
     number, keys = scene.particles.number, "keys particles.number, particles.realisations, times"
     stepping, ending = _saved("particles", len(scene.times))
     components = 2.0 * terms.noise + terms.angular_noise
     stepping += components * STEPS_PER_BLOCK * STEPPERS[scheme].noise_per_step
     count = float(number * setup.realisations)
-    work = _WORK["particles", scheme] + max(stepping, ending)
-    at_once = count if model.together else float(number)
+    work = _WORK["particles"][scheme] + max(stepping, ending)
+    at_once = float(number) if kind.independent_realisations else count
     trial = _TRIAL[scheme] + (_PAIRS if scene.interaction is not None else 0)
     return [
         _need("particles", count, keys, work),
@@ -114,7 +109,7 @@ def _particle_needs(model: type[Model], setup: Setup) -> list[Need]:
 
 
 def _node_needs(scene: Scene, realisations: int) -> list[Need]:
-    """What samples need that interact through nodes, and not pair by pair."""
+    """For samples that interact through nodes; none for those that interact pair by pair."""
     samples = scene_samples(scene, scene.particles.number * realisations)
     if samples is None or affordable_harmonics(samples) < 0:
         return []
@@ -133,7 +128,7 @@ def _cells(scene: Scene, h: float) -> float:
 
 
 def _pair_needs(scene: Scene) -> list[Need]:
-    """What pairs of particles need: the cells that sort them, and the walls' ghosts."""
+    """For pairs of particles: the cells that sort them, and the walls' ghosts."""
     if scene.interaction is None:
         return []
     shape = potential_shape(scene.particles.length, scene.particles.width)
@@ -145,13 +140,14 @@ def _pair_needs(scene: Scene) -> list[Need]:
     return needs
 
 
-def _grid_needs(layout: str, setup: Setup, stages: int) -> list[Need]:
-    scene = setup.scene
+def _grid_needs(kind: ModelKind, setup: Setup) -> list[Need]:
+    scene, layout = setup.scene, kind.layout
+    stages = _STAGES[setup.scheme] if kind.pressure > 0.0 else 0
     cells, keys = _cells(scene, scene.numerics.cell), "keys numerics.cell, domain, times"
     if layout == "q":
         cells *= scene.numerics.angle_cells
         keys = keys.replace("cell,", "cell, numerics.angle_cells,")
-    work = _WORK[layout, setup.scheme] + stages + max(_saved(layout, len(scene.times)))
+    work = _WORK[layout][setup.scheme] + stages + max(_saved(layout, len(scene.times)))
     if scene.interaction is None:
         return [_need("cells", cells, keys, work)]
     reach = potential_shape(scene.particles.length, scene.particles.width).reach

@@ -29,7 +29,9 @@ from ellipsoid_coupling.compiled.tuning import (
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.from_scene import scene_drift
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
+from ellipsoid_coupling.models.summation import pair_by_pair
 from ellipsoid_coupling.particles.forces import BlockForces, Forces
 from ellipsoid_coupling.particles.own_clock import advance_own_clocks
 from ellipsoid_coupling.particles.shared_clock import advance_shared_clock
@@ -42,8 +44,18 @@ Flags = NDArray[np.uint8]
 class Microscopic(ParticleModel):
     """`Model` of the microscopic system."""
 
-    names: ClassVar[tuple[str, ...]] = ("microscopic",)
-    together: ClassVar[bool] = False
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "microscopic",
+            label="microscopic",
+            layout="particles",
+            rank=1,
+            style=LineStyle("#0072B2", "-", "o"),
+            independent_realisations=True,
+            random_motion=True,
+            summation=pair_by_pair,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         scene, realisations = setup.scene, setup.realisations

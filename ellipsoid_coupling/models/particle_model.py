@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,10 @@ from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.flow_fit import rectangle, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_mesh, scene_rates
+from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
@@ -55,9 +56,7 @@ class ParticleModel(ABC):
         How many particles share the interaction's strength.
     """
 
-    names: ClassVar[tuple[str, ...]]
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "particles"
-    together: ClassVar[bool]
+    kinds: ClassVar[tuple[ModelKind, ...]]
 
     def __init__(self, name: str, setup: Setup, state: ParticleState, number: int) -> None:
         self.name = name
@@ -125,8 +124,13 @@ class ParticleModel(ABC):
             return
         row = int(np.flatnonzero(status)[0])
         what, remedy = MEANING[int(status[row])]
-        where = _where(self._state, self._setup, self.name, None if self.together else row)
-        raise RunError(f"{where}: {what}. {self.spot()} {remedy}")
+        where = _where(
+            self._state,
+            self._setup,
+            self.name,
+            row if self.kinds[0].independent_realisations else None,
+        )
+        raise RunError(f"{where}: {what}. {self.failure_site()} {remedy}")
 
     def snapshot(self) -> Arrays:
         """x, y, angle, velocity_x, velocity_y, angular_velocity, each (blocks, particles)."""
@@ -152,9 +156,9 @@ class ParticleModel(ABC):
         if frozen is not None and flow is not None:
             frozen[...] = ~flow.evaluate(place[:, 0], place[:, 1]).inside
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""
-        return particle_spot(self._state, self._setup)
+        return particle_failure_site(self._state, self._setup)
 
     def health(self) -> Health:
         """Speeds and forces of all particles, and whether all are inside."""
@@ -314,7 +318,7 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
     }
 
 
-def particle_spot(state: ParticleState, setup: Setup) -> Spot:
+def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     """The particle that is pulled hardest."""
     place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
     i = worst(force)
@@ -330,7 +334,7 @@ def particle_spot(state: ParticleState, setup: Setup) -> Spot:
         PAIRS: float(np.hypot(*(force[:2, i] - fluid - outer))),
         TORQUE: float(np.abs(force[2:, i]).max(initial=0.0)),
     }
-    return Spot((x, y, *map(float, place[2:, i])), terms)
+    return FailureSite((x, y, *map(float, place[2:, i])), terms)
 
 
 def particle_health(state: ParticleState, box: Floats | None) -> Health:

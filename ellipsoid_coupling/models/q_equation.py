@@ -14,7 +14,6 @@ there is no pressure, else the scheme of finite_volume/well_balanced.py.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +31,10 @@ from ellipsoid_coupling.interaction.occupied import occupied_box
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.run_warnings import of_one_angle
-from ellipsoid_coupling.physics.closure import PRESSURE
+from ellipsoid_coupling.models.summation import q_tolerance
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
 
@@ -51,9 +50,6 @@ class QEquation(CellModel):
         For a grid that does not fit the domain, too few angles, a flux that does not fit, or kernels
         that fill the memory.
     """
-
-    closure: ClassVar[str]
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
 
     def __init__(self, name: str, setup: Setup) -> None:
         scene, system = setup.scene, self.system(setup)
@@ -77,7 +73,7 @@ class QEquation(CellModel):
     def system(cls, setup: Setup) -> System:
         """The components that the scene needs, and the pressure of the closure."""
         resolved = _scene_q_grid(setup.scene).angles > 1
-        return q_system(setup.terms.angle, resolved, PRESSURE[cls.closure])
+        return q_system(setup.terms.angle, resolved, cls.kinds[0].pressure)
 
     @classmethod
     def require_fit(cls, setup: Setup) -> None:
@@ -105,7 +101,7 @@ class QEquation(CellModel):
             np.divide(fields[component], fields[0], out=here, where=fields[0] > 0.0)
         return values
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The fastest cell; forces as far as they are known."""
         cells, plane = self.cells, self.grid.plane
         terms, forces = cells.terms, cells.forces
@@ -121,7 +117,7 @@ class QEquation(CellModel):
             if forces.torque is not None:
                 strengths[TORQUE] = terms.inverse_inertia * abs(float(forces.torque[at]))
         place = float(plane.x[i]), float(plane.y[j]), float(self.grid.angle[a])
-        return Spot(place, strengths)
+        return FailureSite(place, strengths)
 
     def _force_bounds(self) -> tuple[float, float]:
         """Infinite under pressure, which drives as well."""
@@ -156,7 +152,7 @@ def _interaction(
     if scene.interaction is None:
         return None
     quantity, strength = stepper_of(system, setup.scheme).quantity, scene.interaction.strength
-    tolerance = _tolerance(scene, system.pressure)
+    tolerance = q_tolerance(scene, system.pressure)
     return AngleGridInteraction(grid.shape, grid.plane.cell, shape, strength, quantity, tolerance)
 
 
@@ -170,13 +166,6 @@ def _start(grid: QGrid, scene: Scene) -> Floats:
     for x, y, angle in places:
         start[(slice(None), *cell_of(grid.plane, x, y))] += start_angles(grid, angle)
     return np.asarray(start / (len(places) * grid.volume))
-
-
-def _tolerance(scene: Scene, pressure: float) -> float:
-    """What the interaction may be off by; pressure has equilibria, which stay with all digits only."""
-    numerics = scene.numerics
-    exact = numerics.interaction == "direct" or pressure > 0.0
-    return 0.0 if exact else numerics.harmonics_tolerance
 
 
 def _scene_q_grid(scene: Scene) -> QGrid:

@@ -10,16 +10,29 @@ pressure 1. See `q_equation` for the equation and its schemes.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar
 
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.q_equation import QEquation
+from ellipsoid_coupling.models.summation import on_q_grid
+from ellipsoid_coupling.physics.closure import PRESSURE
 
 
 class QMaxwellian(QEquation):
     """`Model` of the q-equation with Maxwellian closure."""
 
-    names: ClassVar[tuple[str, ...]] = ("q_maxwellian",)
-    closure: ClassVar[str] = "maxwellian"
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "q_maxwellian",
+            label="q, Maxwellian",
+            layout="q",
+            rank=3,
+            style=LineStyle("#E69F00", (0.0, (3.0, 1.0, 1.0, 1.0, 1.0, 1.0)), "D"),
+            summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),
+            pressure=PRESSURE["maxwellian"],
+        ),
+    )
 
 
 MODEL = QMaxwellian

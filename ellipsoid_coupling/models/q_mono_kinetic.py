@@ -10,16 +10,29 @@ equation and its schemes.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar
 
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.q_equation import QEquation
+from ellipsoid_coupling.models.summation import on_q_grid
+from ellipsoid_coupling.physics.closure import PRESSURE
 
 
 class QMonoKinetic(QEquation):
     """`Model` of the q-equation with mono-kinetic closure."""
 
-    names: ClassVar[tuple[str, ...]] = ("q_mono_kinetic",)
-    closure: ClassVar[str] = "mono_kinetic"
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "q_mono_kinetic",
+            label="q, mono-kinetic",
+            layout="q",
+            rank=4,
+            style=LineStyle("#009E73", (0.0, (5.0, 1.0, 1.0, 1.0)), "s"),
+            summation=partial(on_q_grid, pressure=PRESSURE["mono_kinetic"]),
+            pressure=PRESSURE["mono_kinetic"],
+        ),
+    )
 
 
 MODEL = QMonoKinetic

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from ellipsoid_coupling.finite_volume.system import System, rho_system
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
+from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -35,7 +35,6 @@ _CELLS_PER_THREAD = 5000
 class RGridEquation(CellModel):
     """A `CellModel` of rho, rho v_x, rho v_y and, where something turns, rho phi and rho omega."""
 
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "rho"
     slaved: ClassVar[bool] = False
 
     def __init__(self, name: str, setup: Setup) -> None:
@@ -100,7 +99,7 @@ class RGridEquation(CellModel):
             "angular_velocity": spin[0] if spin else np.zeros(self.grid.plane.shape),
         }
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """The cell where the drift is strongest."""
         plane, terms = self.grid.plane, self.cells.terms
         where = worst(self.drift, self.cells.inside[0, 0] > 0.0)
@@ -112,7 +111,7 @@ class RGridEquation(CellModel):
             PAIRS: float(np.hypot(*(drift[:2] - steady))),
             TORQUE: float(np.abs(drift[2:]).max(initial=0.0)),
         }
-        return Spot((float(plane.x[i]), float(plane.y[j])), strengths)
+        return FailureSite((float(plane.x[i]), float(plane.y[j])), strengths)
 
     def _force_bounds(self) -> tuple[float, float]:
         return largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])

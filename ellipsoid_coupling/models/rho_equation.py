@@ -15,13 +15,26 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.r_grid import RGridEquation
+from ellipsoid_coupling.models.summation import on_r_grid
+from ellipsoid_coupling.physics.closure import PRESSURE
 
 
 class RhoEquation(RGridEquation):
     """`Model` of the rho-equation."""
 
-    names: ClassVar[tuple[str, ...]] = ("rho_mono_kinetic",)
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "rho_mono_kinetic",
+            label="rho, mono-kinetic",
+            layout="rho",
+            rank=5,
+            style=LineStyle("#D55E00", (0.0, (4.0, 1.5)), "^"),
+            summation=on_r_grid,
+            pressure=PRESSURE["mono_kinetic"],
+        ),
+    )
 
 
 MODEL = RhoEquation

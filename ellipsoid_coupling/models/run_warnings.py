@@ -1,6 +1,6 @@
-"""What a user should know of a run that came to its end, as sentences: `Result.warnings`.
+"""Warnings of a run that came to its end, as sentences: `Result.warnings`.
 
-A model decides what applies to it and hands the sentences over in its `counts`.
+A model chooses those that apply to it and returns them in its `counts`.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from ellipsoid_coupling.scenes import Scene
 
 
-def as_counts(*told: Sequence[str]) -> dict[str, str]:
-    """The attribute `warnings` of the result file, a line each; no attribute without any."""
-    lines = [line for one in told for line in one]
+def as_counts(*warnings: Sequence[str]) -> dict[str, str]:
+    """The attribute `warnings` of the result file, one line each; no attribute without warnings."""
+    lines = [line for some in warnings for line in some]
     return {"warnings": "\n".join(lines)} if lines else {}
 
 
 def of_crossing(time: float) -> list[str]:
-    """When characteristics crossed; NaN if they have not."""
+    """The time at which characteristics crossed; none for NaN."""
     if not math.isfinite(time):
         return []
     return [
@@ -27,7 +27,7 @@ def of_crossing(time: float) -> list[str]:
 
 
 def of_start(scene: Scene) -> list[str]:
-    """Where a grid cannot hold the start as it is."""
+    """For a start that a grid cannot represent."""
     start, cell = scene.start, scene.numerics.cell
     if start.points:
         return [
@@ -44,7 +44,7 @@ def of_start(scene: Scene) -> list[str]:
 
 
 def of_mixed_angles(scene: Scene) -> list[str]:
-    """Where a mean angle may stand for particles that look elsewhere."""
+    """For a start whose angles differ so much that a mean angle represents none of them."""
     angles = [angle for _, _, angle in scene.start.places()]
     if not angles or max(angles) - min(angles) <= 0.5 * math.pi:
         return []
@@ -55,7 +55,7 @@ def of_mixed_angles(scene: Scene) -> list[str]:
 
 
 def of_one_angle(scene: Scene, turns: bool) -> list[str]:
-    """Where one cell stands for all angles, and what it holds turns."""
+    """For a grid of one angle whose particles turn."""
     if not turns:
         return []
     return [

@@ -10,7 +10,8 @@ one has many such states. Both schemes are the same: an equilibrium has no time 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,11 @@ from ellipsoid_coupling.finite_volume.free_energy import Problem, descend, miss,
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.failure_site import FailureSite
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind
+from ellipsoid_coupling.models.summation import on_q_grid
 from ellipsoid_coupling.physics.angular import angular_energy
+from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.outer import outer_energy
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -68,9 +72,18 @@ class StationaryState:
         interaction and m != I_c, for then the forces have no common potential.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("stationary_state",)
-    layout: ClassVar[Literal["particles", "rho", "q"]] = "q"
-    together: ClassVar[bool] = True
+    kinds: ClassVar[tuple[ModelKind, ...]] = (
+        ModelKind(
+            "stationary_state",
+            label="stationary state",
+            layout="q",
+            rank=7,
+            style=LineStyle("#56B4E9", (0.0, (6.0, 2.0)), "P"),
+            random_motion=True,
+            summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),
+            equilibrium=True,
+        ),
+    )
 
     def __init__(self, name: str, setup: Setup) -> None:
         self.name = name
@@ -147,8 +160,8 @@ class StationaryState:
         if self._clock[_TIME] < until and not self._clock[_STEPS] < _MOST_STEPS:
             raise RunError(
                 f"{self._setup.scene.name}, {self.name}: no equilibrium after {_MOST_STEPS} steps, "
-                f"the residual is {self._clock[_RESIDUAL]:.3g}. {self.spot()} Weaken the interaction, "
-                "or use a finer grid."
+                f"the residual is {self._clock[_RESIDUAL]:.3g}. {self.failure_site()} "
+                "Weaken the interaction, or use a finer grid."
             )
 
     def snapshot(self) -> Arrays:
@@ -171,12 +184,12 @@ class StationaryState:
         self._potential = np.array(state["potential"], dtype=np.float64)
         self._clock[:] = state["clock"]
 
-    def spot(self) -> Spot:
+    def failure_site(self) -> FailureSite:
         """Where the interaction's potential is highest; nothing moves."""
         potential = self._image(self._boltzmann(self._potential)[0])
         a, j, i = np.unravel_index(int(potential.argmax()), potential.shape)
         place = float(self.grid.x[i]), float(self.grid.y[j]), 2.0 * math.pi / self.angles * a
-        return Spot(place, {"the interaction's potential": float(potential[a, j, i])})
+        return FailureSite(place, {"the interaction's potential": float(potential[a, j, i])})
 
     def health(self) -> Health:
         """A density made positive and of mass 1; nothing moves."""

@@ -14,6 +14,7 @@ from ellipsoid_coupling.compare.error_budget import UNRESOLVED
 from ellipsoid_coupling.compare.frontier import Frontier, FrontierRow
 from ellipsoid_coupling.compare.table import part_of, write_table
 from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.models import find_kind
 from ellipsoid_coupling.output.figures import (
     UNRESOLVED_CLOSURE,
     PartBars,
@@ -23,7 +24,6 @@ from ellipsoid_coupling.output.figures import (
 from ellipsoid_coupling.output.labels import model_name
 from ellipsoid_coupling.output.tables import print_table, table_text
 
-_AGAINST = {"exact": "exact solution", "mckean_vlasov": "refined McKean-Vlasov limit"}
 # Parts in words, and their names in `compare.table`.
 _PARTS = {
     "discretisation": "discretisation",
@@ -32,22 +32,22 @@ _PARTS = {
     "sampling": "sampling",
 }
 _RESOLVED = 3.0
-# Standard errors of eight folds: of equal ensembles the largest over four times exceeds three in 16
-# comparisons of 280, and four in one.
+# In standard errors of eight folds. For equal ensembles the largest over four times exceeds three in 16 of
+# 280 comparisons, and four in one.
 _OUT_OF_NOISE = 4.0
 CHOICE_COLUMNS = ("error of", "at most", "cheapest", "scheme", "resolution", "seconds", "error")
-_TOLD = "To be known of these runs"
-_TOLD_COLUMNS = ("model", "scheme", "resolution", "")
+_WARNINGS = "Warnings of these runs"
+_WARNING_COLUMNS = ("model", "scheme", "resolution", "")
 _ROW_COLUMNS = ("model", "scheme", "resolution", "density L1", "angle L1", "best s", "median s")
 _LEGEND = """\
 Errors are L1 distances (2 is no overlap at all) on 20 x 20 density bins and 60 angle bins; the largest
 over the saved times. Parts: discretisation, against the same model refined; closure, the refined model
-against the yardstick; finite N, likewise for microscopic; sampling, expected from the spread over
+against the reference; finite N, likewise for microscopic; sampling, expected from the spread over
 realisations. total <= sum of the parts. +- is the uncertainty of the refined grid solution (how far its
 finest levels still move), or a standard error; above {unresolved:g} the refined solution means little. A
 closure with a question mark is less than three times it: that much may be discretisation still. A finite
-N with a question mark is less than four times its standard error: it is not told from 0, since the
-largest over the saved times of what is 0 but for noise is above 0.
+N with a question mark is less than four times its standard error: it may be 0, because the largest of
+several noisy zeros is above 0.
 """
 
 
@@ -63,7 +63,11 @@ def report_frontiers(frontiers: Sequence[Frontier], folder: Path) -> None:
 
 
 def _against(frontier: Frontier) -> str:
-    return _AGAINST.get(frontier.reference_name, frontier.reference_name)
+    name = frontier.reference_name
+    if name == "exact":
+        return "exact solution"
+    kind = find_kind(name)
+    return name if kind is None else f"refined {kind.label} limit"
 
 
 def _draw(frontier: Frontier, folder: Path) -> None:
@@ -113,7 +117,7 @@ def is_resolved(row: FrontierRow, kind: Kind) -> bool:
     return spread is not None and _largest(closure, kind) > _RESOLVED * _largest(spread, kind)
 
 
-def is_told_from_noise(row: FrontierRow, kind: Kind) -> bool:
+def exceeds_noise(row: FrontierRow, kind: Kind) -> bool:
     """Whether the finite-N part is larger than four times its own standard error, or has none."""
     found, spread = part_of(row.parts, "finite_n"), part_of(row.parts, "offset_spread")
     if found is None or spread is None:
@@ -154,7 +158,7 @@ def frontier_text(frontier: Frontier) -> str:
     scene = frontier.reference.scene
     times = ", ".join(f"{time:g}" for time in frontier.reference.times)
     pieces = [f"{scene.name}: {scene.title}, against the {_against(frontier)} at t = {times}\n"]
-    pieces += [_LEGEND.format(unresolved=UNRESOLVED), _yardstick_text(frontier)]
+    pieces += [_LEGEND.format(unresolved=UNRESOLVED), _reference_text(frontier)]
     if frontier.left_out:
         pieces += [f"{model} is left out: {why}\n" for model, why in frontier.left_out]
     targets = ", ".join(f"{target:.0%}" for target in TARGETS)
@@ -163,26 +167,26 @@ def frontier_text(frontier: Frontier) -> str:
         columns = ("model", "scheme", "resolution", "best s", "median s", "total", *_PARTS, "+-")
         rows = [_part_row(row, kind) for row in frontier.rows]
         pieces += [f"All runs, {kind}\n", table_text(columns, rows)]
-    told = warning_rows(frontier)
-    if told:
-        pieces += [f"{_TOLD}\n", table_text(_TOLD_COLUMNS, told)]
+    warnings = warning_rows(frontier)
+    if warnings:
+        pieces += [f"{_WARNINGS}\n", table_text(_WARNING_COLUMNS, warnings)]
     return "\n".join(pieces)
 
 
 def warning_rows(frontier: Frontier) -> list[tuple[str, ...]]:
-    """What runs tell; `_TOLD_COLUMNS`. What several of a model and scheme tell alike stands once."""
-    found: dict[tuple[str, str, str], list[str]] = {}
+    """The warnings of the runs, `_WARNING_COLUMNS`; one row for equal ones of a model and scheme."""
+    resolutions: dict[tuple[str, str, str], list[str]] = {}
     for row in frontier.rows:
         for line in row.warnings:
-            found.setdefault((row.model, row.scheme, line), []).append(row.resolution)
-    return [(*run, "; ".join(levels), line) for (*run, line), levels in found.items()]
+            resolutions.setdefault((row.model, row.scheme, line), []).append(row.resolution)
+    return [(*run, "; ".join(levels), line) for (*run, line), levels in resolutions.items()]
 
 
-def _yardstick_text(frontier: Frontier) -> str:
+def _reference_text(frontier: Frontier) -> str:
     text = ""
     for kind in KINDS:
         own = _largest(frontier.sampling, kind)
-        text += f"The yardstick's own sampling error, {kind}: {own:.4f}"
+        text += f"The reference's own sampling error, {kind}: {own:.4f}"
         if frontier.reference_spread is not None:
             text += (
                 f"; its distance to a coarser one: {_largest(frontier.reference_spread, kind):.4f}"
@@ -198,7 +202,7 @@ def _part_row(row: FrontierRow, kind: Kind) -> tuple[str, ...]:
     cells = []
     for name in (*_PARTS.values(), "discretisation_spread"):
         part = part_of(row.parts, name)
-        known = {"closure": is_resolved, "finite_n": is_told_from_noise}.get(name)
+        known = {"closure": is_resolved, "finite_n": exceeds_noise}.get(name)
         doubt = "?" if known is not None and not known(row, kind) else ""
         cells.append("" if part is None else f"{_largest(part, kind):.4f}{doubt}")
     seconds = (f"{row.wall_seconds:.3g}", f"{row.median_seconds:.3g}")
@@ -206,7 +210,7 @@ def _part_row(row: FrontierRow, kind: Kind) -> tuple[str, ...]:
 
 
 def _number(value: float, form: str) -> str:
-    """A dash for what a level that was not run has not."""
+    """The number, or a dash for the missing numbers of a level that was not run."""
     return "-" if math.isnan(value) else format(value, form)
 
 
@@ -238,6 +242,6 @@ def _print_frontier(frontier: Frontier) -> None:
     for model, why in frontier.left_out:
         print_table("Left out", ("model", "why"), [(model, why)])
     print_table("Cheapest, by the largest error", CHOICE_COLUMNS, choice_rows(frontier))
-    told = warning_rows(frontier)
-    if told:
-        print_table(_TOLD, _TOLD_COLUMNS, told)
+    warnings = warning_rows(frontier)
+    if warnings:
+        print_table(_WARNINGS, _WARNING_COLUMNS, warnings)

@@ -1,32 +1,23 @@
-"""Names of results, as short as tells them apart."""
+"""Labels of results: as short as they can be and still differ."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 
+from ellipsoid_coupling.models import find_kind
 from ellipsoid_coupling.output.tables import print_table
 from ellipsoid_coupling.result import Result
 
-MODEL_NAMES = {
-    "microscopic": "microscopic",
-    "mckean_vlasov": "McKean-Vlasov",
-    "q_maxwellian": "q, Maxwellian",
-    "q_mono_kinetic": "q, mono-kinetic",
-    "rho_mono_kinetic": "rho, mono-kinetic",
-    "diffusive": "diffusive limit",
-    "stationary_state": "stationary state",
-    "exact": "exact",
-}
-
 
 def model_name(model: str) -> str:
-    """A model's name for people; an unknown one as it is."""
-    return MODEL_NAMES.get(model, model)
+    """The label that a model declares; the name itself if no model is registered under it."""
+    kind = find_kind(model)
+    return model if kind is None else kind.label
 
 
 def literal(text: str) -> str:
-    """`text` for matplotlib, which takes what stands between two $ for mathematics."""
+    """`text` for matplotlib, which reads text between two $ as mathematics."""
     return text.replace("$", r"\$")
 
 
@@ -43,7 +34,7 @@ def result_labels(results: Sequence[Result]) -> list[str]:
     for addition in additions:
         counts = Counter(labels)
         longer = [f"{label}, {text}" for label, text in zip(labels, addition, strict=True)]
-        # An addition that all of the repeated labels share would only make them longer.
+        # An addition that all repeated labels share would only make them longer.
         if len(set(longer)) > len(set(labels)):
             pairs = zip(labels, longer, strict=True)
             labels = [long if counts[label] > 1 else label for label, long in pairs]
@@ -61,10 +52,10 @@ def flow_numbers(results: Sequence[Result]) -> list[str]:
 
 
 def print_warnings(results: Sequence[Result]) -> None:
-    """What completed runs tell (`Result.warnings`) as a table; nothing where all is well."""
+    """The warnings of completed runs (`Result.warnings`) as a table; nothing without warnings."""
     labels = result_labels(results)
     rows = [
         (label, line) for label, one in zip(labels, results, strict=True) for line in one.warnings
     ]
     if rows:
-        print_table("To be known of these runs", ("run", ""), rows)
+        print_table("Warnings of these runs", ("run", ""), rows)

@@ -1,4 +1,4 @@
-"""Progress for people: a bar on a terminal, plain lines in a log, and a sign of life while compiling."""
+"""Progress: a bar on a terminal, plain lines in a log, and lines while kernels are compiled."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ from rich.progress import (
 from ellipsoid_coupling.compiled.events import listening
 from ellipsoid_coupling.files.signals import stopping
 
-# Seconds between two looks whether a line is due in a log, and the most that it stays silent: while
-# something is being done, and before anything is.
+# Seconds between two checks whether a log needs a line, and the longest silence: during the work, and
+# before it begins.
 _BEAT, _SILENCE, _PATIENCE = 0.25, 1.0, 0.5
-# The log of a night shall not grow by two lines in three seconds: from twenty minutes on a pause is
-# this part of the time so far.
+# From twenty minutes on the silence is this part of the time so far, to keep the log of a night short.
 _PART_OF_TIME = _SILENCE / 1200.0
 
 
@@ -37,7 +36,7 @@ def _write(line: str) -> None:
         sys.stderr.write(line + "\n")
         sys.stderr.flush()
     except (AttributeError, OSError, ValueError):
-        return  # nobody reads, or can: a run is not lost for that
+        return  # without a reader the run continues
 
 
 class _Heart:
@@ -46,7 +45,7 @@ class _Heart:
     def __init__(self, beat: Callable[[], None]) -> None:
         self._beat = beat
         self._ended = threading.Event()
-        # A daemon: whatever ends the program need not wait for it.
+        # A daemon, so that the program can end without waiting for it.
         self._thread = threading.Thread(target=self._live, name="ellipsoid-progress", daemon=True)
 
     def _live(self) -> None:
@@ -63,9 +62,9 @@ class _Heart:
 
 
 class Waiting:
-    """Lines for a command that says nothing: while it loads, and while it writes what it has found.
+    """Lines for a command without progress of its own: while it loads, and while it writes its results.
 
-    Nothing is written by one that is over within a second, nor while a `ProgressReporter` is entered.
+    Nothing is written in the first half second, nor while a `ProgressReporter` is entered.
     Use as a context; `clock` as there.
     """
 
@@ -97,13 +96,13 @@ class Waiting:
 class ProgressReporter:
     """Callable with (stage, part done between 0 and 1); use as a context.
 
-    Its first line comes at once, and never two seconds pass without one in the first twenty minutes:
-    a thread of its own sees to it where the work says nothing.
+    Its first line comes at once, and in the first twenty minutes two seconds never pass without one: a
+    thread writes lines while the work reports nothing.
 
     Parameters
     ----------
     what : str
-        What is told until there is a stage.
+        The text until the first stage.
     clock : callable
         The seconds; `time.monotonic` but for tests.
 
@@ -155,7 +154,7 @@ class ProgressReporter:
         self._entered.close()
 
     def __call__(self, stage: str, part: float) -> None:
-        """Tell that `stage` is done by `part`."""
+        """Show that a part of `stage` is done."""
         with self._lock:
             new, self._part = stage != self._stage, part
             if new:

@@ -1,4 +1,4 @@
-"""The stability map for people: a page with the picture, a summary, and what did not complete."""
+"""The stability map as a page: the picture, a summary, and the runs that did not complete."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from ellipsoid_coupling.compare.stability import Case, Field, write_stability
+from ellipsoid_coupling.compare.stability import Case, MapEntry, write_stability
 from ellipsoid_coupling.compare.stability.run_case import REFERENCE_OF_PRESSURE
 from ellipsoid_coupling.compare.stability.watched_run import LARGEST_DRIFT, MOST_STEPS
 from ellipsoid_coupling.files.writing import whole_file
@@ -36,68 +36,68 @@ td, th { border: 1px solid #ccc; padding: 0.2em 0.5em; text-align: left; vertica
 """
 _EXPLANATION = f"""
 <p>Every case changes one thing of a small scene, some two: a box with walls in a rigid rotation, 40
-particles, 12 x 12 cells, 16 angles. Every model runs it with both schemes. A field shows the error:
+particles, 12 x 12 cells, 16 angles. Every model runs it with both schemes. An entry shows the error:
 the larger of the mean distance by which mass lies off along x or y (in widths of the domain) and of
 the difference of &lt;e<sup>2 i theta</sup>&gt; (0 to 2), against the reference that the table below
 names: the model's own scheme <code>accurate</code> with half as many cells and angles again, or
-a hundredth of the tolerance; with noise, more realisations of other noise, so that what is shown is
+a hundredth of the tolerance; with noise, more realisations of other noise, so that the error is
 mostly the sampling error of a few hundred particles.</p>
 <ul><li><b>stop</b>, <b>dt</b>: the run ended with a reason, and would need the step after dt. It may take
 {", ".join(f"{steps} steps ({kind})" for kind, steps in MOST_STEPS.items())}, repeated ones included;
 no clock takes part, so that the map is the same on any machine.</li>
-<li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (what left
-through open edges counted), a density was negative or a particle outside the walls.</li>
+<li><b>broken</b>: it came to its end, but mass drifted by more than {LARGEST_DRIFT:g} (mass that
+left through open edges counted), a density was negative or a particle outside the walls.</li>
 <li><b>bad in.</b>: refused as bad input, before anything was computed.</li>
-<li><b>-</b>: the case means nothing to the model. <b>?</b>: the run held, but its error is not
-known, as the reference took more steps than a run may ({REFERENCE_OF_PRESSURE:g} of that under pressure)
-or is left out (100 000 particles that all touch one another: minutes an evaluation). Other models have
-the same case with a reference.</li>
+<li><b>-</b>: the model lacks the quantity that the case varies. <b>?</b>: the run held, but its error is
+not known, as the reference took more steps than a run may ({REFERENCE_OF_PRESSURE:g} of that under
+pressure) or is left out (100 000 particles that all touch one another: minutes an evaluation). Other models
+have the same case with a reference.</li>
 </ul>
 <p>Large errors of <code>accurate</code> say that the small scene does not resolve the case (a needle
 of a hundredth of a cell) or that its paths are chaotic, not that the scheme failed. Where
-<code>paper</code> did not hold, the table tells the largest step tried with which it does.</p>
+<code>paper</code> did not hold, the table gives the largest step tried with which it does.</p>
 """
 
 
-def report_stability(fields: Sequence[Field], cases: Sequence[Case], folder: Path) -> None:
+def report_stability(entries: Sequence[MapEntry], cases: Sequence[Case], folder: Path) -> None:
     """stability.csv, stability.png and index.html in `folder`, which is made."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_stability(fields, folder)
-    draw_stability(fields, folder / "stability.png")
+    write_stability(entries, folder)
+    draw_stability(entries, folder / "stability.png")
     text = (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Stability map</title>'
         f"<style>{_STYLE}</style></head><body><h1>Stability map</h1>{_EXPLANATION}"
-        f"<h2>Summary</h2>{_table(SUMMARY_COLUMNS, summary_rows(fields))}"
+        f"<h2>Summary</h2>{_table(SUMMARY_COLUMNS, summary_rows(entries))}"
         '<p><img src="stability.png" alt="cases against models and schemes"></p>'
-        f"<h2>What did not hold</h2>{_failures(fields)}"
+        f"<h2>Runs that did not hold</h2>{_failures(entries)}"
         f"<h2>The cases</h2>{_table(('case', 'changes'), _case_rows(cases))}"
-        f"<h2>All runs</h2>{_runs(fields)}</body></html>\n"
+        f"<h2>All runs</h2>{_runs(entries)}</body></html>\n"
     )
     with whole_file(folder / "index.html") as beside:
         beside.write_text(text, encoding="utf-8")
 
 
-def summary_rows(fields: Sequence[Field]) -> list[tuple[str, ...]]:
+def summary_rows(entries: Sequence[MapEntry]) -> list[tuple[str, ...]]:
     """One line a model and scheme, and one for each scheme in all."""
-    groups: dict[tuple[str, str], list[Field]] = {}
-    for field in fields:
-        if field.outcome != "not applicable":
-            groups.setdefault((model_name(field.model), field.scheme), []).append(field)
-            groups.setdefault(("all", field.scheme), []).append(field)
+    groups: dict[tuple[str, str], list[MapEntry]] = {}
+    for entry in entries:
+        if entry.outcome != "not applicable":
+            groups.setdefault((model_name(entry.model), entry.scheme), []).append(entry)
+            groups.setdefault(("all", entry.scheme), []).append(entry)
     order = sorted(groups, key=lambda group: group[0] == "all")
     return [(*group, *_summary(groups[group])) for group in order]
 
 
-def _summary(fields: Sequence[Field]) -> tuple[str, ...]:
+def _summary(entries: Sequence[MapEntry]) -> tuple[str, ...]:
     counts = [
-        sum(field.outcome == outcome for field in fields)
+        sum(entry.outcome == outcome for entry in entries)
         for outcome in ("completed", "stopped", "broken", "refused")
     ]
-    errors = sorted(field.error for field in fields if math.isfinite(field.error))
-    drifts = [field.mass_drift for field in fields if math.isfinite(field.mass_drift)]
-    seconds = sum(field.seconds for field in fields if math.isfinite(field.seconds))
+    errors = sorted(entry.error for entry in entries if math.isfinite(entry.error))
+    drifts = [entry.mass_drift for entry in entries if math.isfinite(entry.mass_drift)]
+    seconds = sum(entry.seconds for entry in entries if math.isfinite(entry.seconds))
     return (
-        str(len(fields)),
+        str(len(entries)),
         *map(str, counts),
         _number(errors[len(errors) // 2] if errors else math.nan),
         _number(errors[-1] if errors else math.nan),
@@ -119,35 +119,35 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], kinds: Sequenc
     return f"<table><tr>{head}</tr>{body}</table>"
 
 
-def _failures(fields: Sequence[Field]) -> str:
+def _failures(entries: Sequence[MapEntry]) -> str:
     failed = [
-        f for f in fields if f.outcome in ("stopped", "broken", "refused") or f.needed_step > 0
+        f for f in entries if f.outcome in ("stopped", "broken", "refused") or f.needed_step > 0
     ]
     columns = ("case", "model", "scheme", "outcome", "error", "step it would need", "reason")
     rows = [
         (
-            field.case,
-            model_name(field.model),
-            field.scheme,
-            field.outcome,
-            _number(field.error),
-            _number(field.needed_step),
-            field.reason,
+            entry.case,
+            model_name(entry.model),
+            entry.scheme,
+            entry.outcome,
+            _number(entry.error),
+            _number(entry.needed_step),
+            entry.reason,
         )
-        for field in failed
+        for entry in failed
     ]
-    return _table(columns, rows, [field.outcome for field in failed])
+    return _table(columns, rows, [entry.outcome for entry in failed])
 
 
 def _case_rows(cases: Sequence[Case]) -> list[tuple[str, str]]:
-    def told(case: Case) -> str:
+    def changes_of(case: Case) -> str:
         changes = [f"{key} = {value}" for key, value in case.settings.items()]
         return "; ".join(changes + [f"the flow times {case.gradient:g}"] * (case.gradient != 1.0))
 
-    return [(case.name, told(case)) for case in cases]
+    return [(case.name, changes_of(case)) for case in cases]
 
 
-def _runs(fields: Sequence[Field]) -> str:
+def _runs(entries: Sequence[MapEntry]) -> str:
     columns = (
         "case",
         "model",
@@ -162,22 +162,22 @@ def _runs(fields: Sequence[Field]) -> str:
         "repeated",
         "seconds",
     )
-    shown = [field for field in fields if field.outcome != "not applicable"]
+    shown = [entry for entry in entries if entry.outcome != "not applicable"]
     rows = [
         (
-            field.case,
-            model_name(field.model),
-            field.scheme,
-            field.outcome,
-            _number(field.place_error),
-            _number(field.angle_error),
-            field.reference,
-            _number(field.mass_drift),
-            _number(field.least_density),
-            f"{field.steps:.0f}".replace("nan", ""),
-            f"{field.rejected:.0f}".replace("nan", ""),
-            f"{field.seconds:.2f}".replace("nan", ""),
+            entry.case,
+            model_name(entry.model),
+            entry.scheme,
+            entry.outcome,
+            _number(entry.place_error),
+            _number(entry.angle_error),
+            entry.reference,
+            _number(entry.mass_drift),
+            _number(entry.least_density),
+            f"{entry.steps:.0f}".replace("nan", ""),
+            f"{entry.rejected:.0f}".replace("nan", ""),
+            f"{entry.seconds:.2f}".replace("nan", ""),
         )
-        for field in shown
+        for entry in shown
     ]
-    return _table(columns, rows, [field.outcome for field in shown])
+    return _table(columns, rows, [entry.outcome for entry in shown])

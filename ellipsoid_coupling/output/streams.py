@@ -1,4 +1,4 @@
-"""The standard streams of a command: closed, full, or with nobody at the other end."""
+"""The standard streams of a command, which may be closed, full or without a reader."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ellipsoid_coupling.files.cache import CacheWarning
 
 
 def open_streams() -> None:
-    """Give the standard streams that the caller has closed a place to go, before a file takes it.
+    """Open the standard streams that the caller has closed, before any file is opened.
 
-    The first file opened would get the number of a closed stream, and with it what is printed.
+    The first file opened would get the number of a closed stream, and all that is printed.
     """
     for number in range(3):
         try:
@@ -28,14 +28,14 @@ def open_streams() -> None:
 
 
 def tell(text: str) -> None:
-    """Write to standard error; one that nobody reads is no reason for another status."""
+    """Write to standard error; a closed reader does not change the exit status."""
     with suppress(OSError):
         sys.stderr.write(text)
         sys.stderr.flush()
 
 
 def drop(stream: TextIO) -> None:
-    """What a stream still holds goes nowhere: else Python complains about it at its end."""
+    """Discard a stream's buffer, which Python would otherwise complain about at its end."""
     with suppress(OSError, ValueError):  # ValueError: a stand-in without a file
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
@@ -46,7 +46,7 @@ _python_shows: Callable[..., None] = warnings.showwarning
 def warn_in_one_line(
     message: Warning | str, category: type[Warning], *place: object, **details: object
 ) -> None:
-    """For `warnings.showwarning`: a cache that cannot be used is the user's matter, told like an error."""
+    """For `warnings.showwarning`: a cache that cannot be used is reported to the user like an error."""
     if issubclass(category, CacheWarning):
         tell(f"ellipsoid: {message}\n")
     else:

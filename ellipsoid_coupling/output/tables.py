@@ -15,10 +15,10 @@ _LOG_WIDTH = 150
 
 
 class PipedConsole(Console):
-    """Leaves it to the command what follows when nobody reads on."""
+    """A console whose command handles a closed reader."""
 
     def on_broken_pipe(self) -> None:
-        """Pass on what rich has caught; rich itself would end the program with status 1."""
+        """Raise again, because rich itself would end the program with status 1."""
         raise BrokenPipeError
 
 

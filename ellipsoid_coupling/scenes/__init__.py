@@ -9,6 +9,7 @@ from ellipsoid_coupling.scenes.files import (
     run_part_from_table,
     scene_from_table,
     scene_to_toml,
+    set_key,
 )
 from ellipsoid_coupling.scenes.scene import RunPart, Scene
 from ellipsoid_coupling.scenes.terms import Term, Terms, explain_terms, terms_of
@@ -27,5 +28,6 @@ __all__ = [
     "run_part_from_table",
     "scene_from_table",
     "scene_to_toml",
+    "set_key",
     "terms_of",
 ]

@@ -61,7 +61,7 @@ def load_scene(
         if not isinstance(table, dict):
             raise InputError(where, "a section", repr(table), "Take the run.toml of a run.")
     for key, value in (settings or {}).items():
-        _apply(table, key, value)
+        set_key(table, key, value)
     return scene_from_table(table, where)
 
 
@@ -212,7 +212,14 @@ def _read_table(scene: str | Path) -> tuple[Table, str]:
     return parse_toml(text, str(path)), str(path)
 
 
-def _apply(table: Table, key: str, value: object) -> None:
+def set_key(table: Table, key: str, value: object) -> None:
+    """Set a dotted key such as "numerics.cell" of a scene's table, in place; None takes the key out.
+
+    Raises
+    ------
+    InputError
+        For a key with too many sections, or one that has a value where it names a section.
+    """
     *sections, last = key.split(".")
     if len(sections) > MOST_NESTING:
         raise _too_deep(f"--set {key}")

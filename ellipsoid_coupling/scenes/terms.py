@@ -1,4 +1,4 @@
-"""Which terms a scene has: what is False here is neither computed, nor allocated, nor compiled."""
+"""The terms of a scene: those that are False are neither computed, nor allocated, nor compiled."""
 
 from __future__ import annotations
 
@@ -6,16 +6,6 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS
 from ellipsoid_coupling.scenes.scene import Scene
-
-# Models whose unknown is a density without random motion: noise enters them as damping only.
-_CLOSED_MODELS = ("q_maxwellian", "q_mono_kinetic", "rho_mono_kinetic", "diffusive")
-
-# Models whose equilibria stay to rounding, so that their interaction is summed with all digits.
-_EXACT_MODELS = ("q_maxwellian", "stationary_state")
-# Models of samples, which interact through nodes or pair by pair.
-_SAMPLED_MODELS = ("mckean_vlasov",)
-# From here on, rounding in single precision (1e-6) is far below what is allowed.
-_LEAST_SINGLE_TOLERANCE = 1e-4
 
 
 class Terms(NamedTuple):
@@ -41,42 +31,27 @@ class Term(NamedTuple):
     why: str
 
 
-def terms_of(scene: Scene, model: str = "microscopic") -> Terms:
-    """The terms that `model` needs in `scene`."""
-    return Terms(**{term.name: term.runs for term in explain_terms(scene, model)})
+def terms_of(scene: Scene, *, random_motion: bool = True) -> Terms:
+    """The terms that a model needs in `scene`.
+
+    random_motion : noise moves the model's particles; in a closure it only damps
+    """
+    return Terms(
+        **{term.name: term.runs for term in explain_terms(scene, random_motion=random_motion)}
+    )
 
 
-def explain_terms(scene: Scene, model: str = "microscopic") -> list[Term]:
-    """Every term with its verdict and the reason, in the order of the equations."""
+def explain_terms(scene: Scene, *, random_motion: bool = True) -> list[Term]:
+    """Every term with its verdict and the reason, in the order of the equations; as `terms_of`."""
     return [
-        *_fluid_and_pairs(scene, model),
+        *_fluid_and_pairs(scene),
         *_surroundings(scene),
-        *_noise_terms(scene, model),
+        *_noise_terms(scene, random_motion=random_motion),
         _angle_term(scene),
     ]
 
 
-def _how_summed(scene: Scene, model: str) -> str:
-    """How exactly a model sums the interaction, and in which precision."""
-    numerics = scene.numerics
-    if model == "microscopic":
-        return "pair by pair"
-    if numerics.interaction == "direct" or model in _EXACT_MODELS:
-        return "to rounding"
-    tolerance = numerics.harmonics_tolerance
-    precision = "single" if tolerance >= _LEAST_SINGLE_TOLERANCE else "double"
-    if model in _SAMPLED_MODELS:
-        pairs = (
-            "" if numerics.interaction == "harmonics" else "; pair by pair where that is less work"
-        )
-        return (
-            f"force and torque within {tolerance:g} of the largest that a density can exert, "
-            f"nodes and harmonics together, {precision} precision{pairs}"
-        )
-    return f"within {tolerance:g} of its largest value, {precision} precision"
-
-
-def _fluid_and_pairs(scene: Scene, model: str) -> list[Term]:
+def _fluid_and_pairs(scene: Scene) -> list[Term]:
     flow = scene.flow
     torque = scene.interaction is not None and not scene.particles.is_circle
     why_torque = (
@@ -97,7 +72,7 @@ def _fluid_and_pairs(scene: Scene, model: str) -> list[Term]:
         Term(
             "interaction",
             scene.interaction is not None,
-            f"strength {scene.interaction.strength:g}, {_how_summed(scene, model)}"
+            f"strength {scene.interaction.strength:g}"
             if scene.interaction
             else "no [interaction]: no neighbour list, no kernel spectra",
         ),
@@ -137,11 +112,11 @@ def _surroundings(scene: Scene) -> list[Term]:
     ]
 
 
-def _noise_terms(scene: Scene, model: str) -> list[Term]:
+def _noise_terms(scene: Scene, *, random_motion: bool) -> list[Term]:
     def term(name: str, amplitude: float, letter: str) -> Term:
         if amplitude == 0.0:
             return Term(name, False, f"{letter} = 0: no random number is drawn")
-        if model in _CLOSED_MODELS:
+        if not random_motion:
             why = f"{letter} = {amplitude:g} enters this closure as damping {letter}^2/2 only"
             return Term(name, False, why)
         return Term(name, True, f"{letter} = {amplitude:g}, with damping {letter}^2/2")

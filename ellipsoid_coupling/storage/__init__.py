@@ -1,1 +1,1 @@
-"""The folder of a run: run.toml, flow.npz, result.nc and the checkpoint that a run goes on from."""
+"""The folder of a run: run.toml, flow.npz, result.nc and the checkpoint that a run continues from."""

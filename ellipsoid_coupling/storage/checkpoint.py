@@ -1,4 +1,4 @@
-"""What a checkpoint holds: the model's state, the snapshots so far, seconds, what monitors have seen."""
+"""The contents of a checkpoint: the model's state, snapshots so far, seconds, and the monitors' bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import Arrays
-from ellipsoid_coupling.models import Model
+from ellipsoid_coupling.models import Model, kind_named
 from ellipsoid_coupling.stepping.step_control import CLOCK_COLUMNS, clock_fault
 
 Floats = NDArray[np.float64]
@@ -19,12 +19,12 @@ _STATE, _SNAPSHOT, _SECONDS, _FORCES = "state.", "snapshot.", "seconds", "forces
 
 
 class Progress(NamedTuple):
-    """What a run knows besides its model's state.
+    """The state of a run besides its model's.
 
     Attributes
     ----------
     snapshots : list of dict
-        Those of the save times that lie behind.
+        One for each save time that the run has passed.
     seconds : (2,) float64
         Of running and of compiling.
     forces : (float, float)
@@ -37,7 +37,7 @@ class Progress(NamedTuple):
 
 
 def pack(model: Model, progress: Progress) -> Arrays:
-    """All that a run needs to go on, as named arrays."""
+    """All that a run needs to continue, as named arrays."""
     arrays: Arrays = {_SECONDS: progress.seconds, _FORCES: np.array(progress.forces)}
     arrays |= {_STATE + name: array for name, array in model.state().items()}
     for i, snapshot in enumerate(progress.snapshots):
@@ -60,45 +60,46 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     Raises
     ------
     InputError
-        If names, shapes, kinds of numbers or times are not those of this model on this scene, or
-        numbers are none that a run can have: compiled loops trust what they go on from.
+        If names, shapes, dtypes or times are not those of this model on this scene, or if a run cannot
+        have such numbers. Compiled loops check none of this.
     """
     snapshots = _numbered(arrays)
     if len(snapshots) >= len(times) or sorted(snapshots) != list(range(len(snapshots))):
         raise _unfit(where, f"fewer than {len(times)} snapshots", f"{sorted(snapshots)}")
     own = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
-    # Where there is pressure, the forces are not known: infinite.
+    # Under pressure the monitors know no bound of the forces and keep infinity.
     _require_alike(where, own, {_SECONDS: np.zeros(2), _FORCES: np.full(2, np.inf)})
     state = {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
     _require_alike(where, state, model.state())
     for snapshot in snapshots.values():
         _require_alike(where, snapshot, model.snapshot())
     count = len(snapshots)
-    # Grids go on from before a save time, see `stepping.step_control.Aside`.
-    reached = times[count - 1] if count and model.layout == "particles" else 0.0
+    # Grids continue from a time before the last save, see `stepping.step_control.Aside`.
+    reached = times[count - 1] if count and not kind_named(model.name).is_grid else 0.0
     for clock in (a for a in state.values() if a.shape[1:] == (CLOCK_COLUMNS,)):
-        wrong = clock_fault(clock, reached, times[count])
+        wrong = clock_fault(np.asarray(clock, np.float64), reached, times[count])
         if wrong:
             raise _unfit(where, "clocks of a run between its snapshots", wrong)
     model.restore(state)
     if not reached <= model.time <= times[count]:
         raise _unfit(where, "a time that fits its snapshots", f"t = {model.time:g}")
     force, torque = map(float, arrays[_FORCES])
-    return Progress([snapshots[i] for i in range(count)], arrays[_SECONDS], (force, torque))
+    seconds = np.asarray(arrays[_SECONDS], np.float64)
+    return Progress([snapshots[i] for i in range(count)], seconds, (force, torque))
 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:
     """The snapshots, by number and name."""
-    found: dict[int, Arrays] = {}
+    snapshots: dict[int, Arrays] = {}
     for key, array in arrays.items():
         number, _, name = key.removeprefix(_SNAPSHOT).partition(".")
         if key.startswith(_SNAPSHOT) and number.isdecimal() and len(number) < 10:
-            found.setdefault(int(number), {})[name] = array
-    return found
+            snapshots.setdefault(int(number), {})[name] = array
+    return snapshots
 
 
 def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
-    """The same names, shapes and kinds of numbers, finite wherever a run's start is."""
+    """The same names, shapes and dtypes, and finite wherever a run's start is finite."""
     if found.keys() != expected.keys():
         raise _unfit(where, f"arrays {', '.join(expected)}", ", ".join(found) or "none")
     for name, array in expected.items():
@@ -108,8 +109,8 @@ def _require_alike(where: str, found: Arrays, expected: Arrays) -> None:
             raise _unfit(where, wanted, f"{other.dtype} {other.shape}")
         wrong = ~np.isfinite(other) & np.isfinite(array)
         if wrong.any():
-            place = [int(i) for i in np.argwhere(wrong)[0]]
-            raise _unfit(where, f"a finite number at {name}{place}", f"{other[tuple(place)]}")
+            index = [int(i) for i in np.argwhere(wrong)[0]]
+            raise _unfit(where, f"a finite number at {name}{index}", f"{other[tuple(index)]}")
 
 
 def _unfit(where: str, expected: str, found: str) -> InputError:

@@ -1,7 +1,7 @@
-"""The flow of an earlier run: the one that lies in its folder, and no other.
+"""The flow of an earlier run: the one in its folder, and no other.
 
-What a run was given it keeps. `figures`, `export`, `compare RUN`, `run RUN/run.toml` and `--resume`
-take the flow from here; its digest in run.toml tells whether it is still the same.
+A run folder keeps the flow that the run used. `figures`, `export`, `compare RUN`, `run RUN/run.toml` and
+`--resume` take the flow from there; its digest in run.toml must agree.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ellipsoid_coupling.scenes import Scene, load_run_part, load_scene
 from ellipsoid_coupling.scenes.scene import Domain, Flow
 from ellipsoid_coupling.storage.run_folder import FLOW_FILE, RUN_FILE
 
-# What stands for a digest where there is no flow, or nobody wrote it down.
+# The digest of a run without a flow, and of a folder without a digest.
 _NONE = "none"
 
 
@@ -26,7 +26,7 @@ def load_runs(
 ) -> tuple[list[Result], list[FlowField | None]]:
     """Finished runs and, in the same order, the flow that each of them used.
 
-    given : where else that flow lies, for folders of an older version
+    given : another path of that flow, for folders of an older version
 
     Raises
     ------
@@ -34,11 +34,11 @@ def load_runs(
         As `Result.load` and `run_flow`.
     """
     results = [Result.load(path) for path in runs]
-    told = [str(result.attributes.get("flow_digest", _NONE)) for result in results]
+    digests = [str(result.attributes.get("flow_digest", _NONE)) for result in results]
     other = None if given is None else flow_at(given, allow_misfit=True)
     flows = [
         run_flow(Path(path), result.scene, digest, other)
-        for path, result, digest in zip(runs, results, told, strict=True)
+        for path, result, digest in zip(runs, results, digests, strict=True)
     ]
     return results, flows
 
@@ -49,9 +49,9 @@ def repeated_flow(name: str, scene: Scene) -> FlowField | None:
     Parameters
     ----------
     name : str
-        What the user named: a run.toml, or any scene.
+        The user's argument: a run.toml, or any scene.
     scene : Scene
-        What has become of it by other settings.
+        That scene with the user's other settings.
 
     Returns
     -------
@@ -74,8 +74,8 @@ def run_flow(
 ) -> FlowField | None:
     """The flow that an earlier run used, from its folder; nothing is solved for it.
 
-    A folder of an older version holds no flow: a formula serves, and a field that is shipped or in the
-    cache, if it is the very one.
+    A folder of an older version holds no flow. Then the flow's formula is taken, or a field with the same
+    digest that is shipped or in the cache.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def run_flow(
     digest : str
         The flow's, where it is known from elsewhere than run.toml (result.nc); else "none".
     other : FlowField, optional
-        Taken instead of what lies in the folder; it must be the very one, too.
+        Taken instead of the one in the folder; it must have the same digest.
 
     Returns
     -------
@@ -101,38 +101,38 @@ def run_flow(
         return None
     folder = run if is_folder(run) else run.parent
     file = folder / FLOW_FILE
-    told = {digest, _told_digest(folder)} - {_NONE}
+    digests = {digest, _digest_in(folder)} - {_NONE}
     if other is not None or exists(file):
         field = FlowField.load(file) if other is None else other
-        if told != {field.digest}:
+        if digests != {field.digest}:
             raise InputError(
                 "--flow" if other is not None else str(file),
-                f"the flow that the run used, digest {_either(told)}",
+                f"the flow that the run used, digest {_either(digests)}",
                 f"one with digest {field.digest}", "Give the run's own.",
             )  # fmt: skip
         return field
-    found = _flow_elsewhere(scene.flow, scene.domain, told)
-    if found is None or not told <= {found.digest}:
+    elsewhere = _flow_elsewhere(scene.flow, scene.domain, digests)
+    if elsewhere is None or not digests <= {elsewhere.digest}:
         raise InputError(
-            str(file), f"the flow that the run used, digest {_either(told)}", "none",
+            str(file), f"the flow that the run used, digest {_either(digests)}", "none",
             f"Run it again with its flow: ellipsoid run {folder / RUN_FILE} --flow CASE.",
         )  # fmt: skip
-    return found
+    return elsewhere
 
 
-def _flow_elsewhere(part: Flow, domain: Domain, told: set[str]) -> FlowField | None:
-    """A flow for a folder that holds none: by its formula, or what is shipped or cached of `told`."""
+def _flow_elsewhere(part: Flow, domain: Domain, digests: set[str]) -> FlowField | None:
+    """A flow for a folder without one: its formula, or a shipped or cached field with such a digest."""
     if part.source == "closed_form":
         return closed_form_flow(part, domain)
-    found = (find_flow(part.field, part.cells, digest) for digest in sorted(told))
-    return next((field for field in found if field is not None), None)
+    fields = (find_flow(part.field, part.cells, digest) for digest in sorted(digests))
+    return next((field for field in fields if field is not None), None)
 
 
-def _told_digest(folder: Path) -> str:
-    """The flow's digest in run.toml; "none" where that is missing, or tells none."""
+def _digest_in(folder: Path) -> str:
+    """The flow's digest in run.toml; "none" if either is missing."""
     file = folder / RUN_FILE
     return load_run_part(file).flow_digest if exists(file) else _NONE
 
 
-def _either(told: set[str]) -> str:
-    return " or ".join(sorted(told)) or "unknown"
+def _either(digests: set[str]) -> str:
+    return " or ".join(sorted(digests)) or "unknown"

@@ -1,7 +1,7 @@
-"""The folder of a run: who may write into it, run.toml, and the checkpoint that a run goes on from.
+"""The folder of a run: its lock, its run.toml and its checkpoint.
 
-Written so that a kill at any moment loses at most the work since the last checkpoint, and that the
-folder never holds a file that does not load.
+A kill at any moment loses at most the work since the last checkpoint, and the folder never holds a file
+that does not load.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -52,33 +51,33 @@ _FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE = (
     "flow.npz",
 )
 
-# Writing a checkpoint may take this part of a run's time; where it takes more, it is done less often.
+# The largest part of a run's time that checkpoints may take; larger ones are written less often.
 _WRITING_PART = 0.02
 _PACKAGES = ("ellipsoid_coupling", "numpy", "numba", "scipy")
 _FORMAT = 2
-_MOST_META = 200  # characters; json reads what is nested by recursion
+_MOST_META = 200  # characters; json reads nested parts by recursion
 # In [run]: where the flow came from. The next one of the same numbers may come from elsewhere.
 _IN_WORDS = "flow"
 
 
 @dataclass
 class RunFolder:
-    """Where a run keeps its files, and how.
+    """The folder that a run keeps its files in, and the rules of keeping them.
 
     Attributes
     ----------
     path : Path
         Becomes the folder's own, with its number, when a `numbered` one is claimed.
     resume : bool
-        Go on from the checkpoint, bit for bit as if never stopped; from the start if there is none.
+        Continue from the checkpoint, bit for bit as if never stopped; from the start if there is none.
     force : bool
         Overwrite an earlier run in a folder that is not empty.
     checkpoint_seconds : float
-        Between two checkpoints; a kill loses at most about so much work.
+        Between two checkpoints: about the most work that a kill loses.
     stop_after : float or None
         Seconds after which the run writes a checkpoint and stops (Interrupted), to be resumed.
     longest : float
-        Seconds that the run may take in all, to judge by its present pace; it stops likewise.
+        Seconds that the run may take in all by its present pace; it stops likewise.
     numbered : bool
         A new folder: `path` with the first free number behind it, found and taken when it is claimed.
     """
@@ -90,13 +89,13 @@ class RunFolder:
     stop_after: float | None = None
     longest: float = LONGEST_RUN
     numbered: bool = False
-    # What the system knows the folder by, while it is claimed.
+    # The folder's identity in the file system while it is claimed.
     _claimed: list[os.stat_result] = field(
         default_factory=list, init=False, repr=False, compare=False
     )
 
     def check(self) -> None:
-        """Refuse, before anything is computed, what cannot become this run's folder.
+        """Refuse, before anything is computed, a path that cannot become this run's folder.
 
         Raises
         ------
@@ -125,17 +124,17 @@ class RunFolder:
                 "Name the run's folder, or start again with --force.",
             )
 
-    def check_same(self, run: Mapping[str, Any], scene: Mapping[str, Any]) -> None:
-        """Refuse, before a flow is looked for, to resume what is another run even without it.
+    def check_same(self, run: Mapping[str, object], scene: Mapping[str, object]) -> None:
+        """Refuse to resume another run, before a flow is looked for.
 
-        `run` and `scene` as in `claimed`; what `run` tells of the flow is left out.
+        `run` and `scene` as in `claimed`; the flow's entries in `run` are not compared.
         """
         if self.resume and exists(self.path / RUN_FILE):
             self._require_same({"run": run, "scene": scene}, but=("flow_digest",))
 
     @contextmanager
     def claimed(
-        self, run: Mapping[str, Any], scene: Mapping[str, Any], flow: FlowField | None = None
+        self, run: Mapping[str, object], scene: Mapping[str, object], flow: FlowField | None = None
     ) -> Iterator[None]:
         """Inside, the folder is this process's alone and holds the run.toml and flow of this run.
 
@@ -160,15 +159,15 @@ class RunFolder:
         try:
             _lock(handle, self.path)
             self._claimed.append(os.fstat(handle))
-            self.require_ours()  # nobody has removed it between
+            self.require_ours()  # it may have been removed before the lock
             self.check()
             for half in halves(self.path, _FILES):
-                half.unlink()  # a killed run's: nobody else writes here now
+                half.unlink()  # left by a killed run: no other process holds the lock
             if self.resume and exists(self.path / RUN_FILE):
                 self._require_same({"run": run, "scene": scene})
             else:
                 self._begin({"run": run, "versions": _versions(), "scene": scene})
-            # After run.toml: a run that is killed in between gets it when it is resumed.
+            # After run.toml: a run that is killed in between writes the flow when it is resumed.
             if flow is not None and not exists(self.path / FLOW_FILE):
                 flow.save(self.path / FLOW_FILE)
             yield
@@ -177,12 +176,12 @@ class RunFolder:
             os.close(handle)  # and with it the lock, which a kill releases as well
 
     def require_ours(self) -> None:
-        """Refuse to write where the folder that was claimed no longer is; before every file.
+        """Refuse to write into a path that is no longer the claimed folder; called before every file.
 
         Raises
         ------
         WriteError
-            If it has been removed or moved, whatever stands there now: its lock would not be ours.
+            If the folder was removed or moved. A new folder at its path is not locked by this run.
         """
         ours = self._claimed[-1] if self._claimed else None
         try:
@@ -195,13 +194,13 @@ class RunFolder:
                 "claimed, which was removed or moved. Run again with another --out."
             )
 
-    def _begin(self, table: Mapping[str, Any]) -> None:
+    def _begin(self, table: Mapping[str, object]) -> None:
         for name in _FILES[1:]:
             (self.path / name).unlink(missing_ok=True)
         with whole_file(self.path / RUN_FILE, new_folder=False) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")
 
-    def _require_same(self, wanted: Mapping[str, Any], but: tuple[str, ...] = ()) -> None:
+    def _require_same(self, wanted: Mapping[str, object], but: tuple[str, ...] = ()) -> None:
         file = self.path / RUN_FILE
         before = read_run_file(file)
         same = tomllib.loads(table_to_toml(wanted))
@@ -236,7 +235,7 @@ class RunFolder:
         return self.path / RESULT_FILE
 
     def save(self, arrays: Arrays) -> None:
-        """Write a checkpoint; the one before stays until it is whole."""
+        """Write a checkpoint; the previous one stays until the new one is complete."""
         self.require_ours()
         meta = json.dumps({"format": _FORMAT, "package": version("ellipsoid_coupling")})
         file = self.path / CHECKPOINT_FILE
@@ -253,7 +252,7 @@ class RunFolder:
         file = self.path / CHECKPOINT_FILE
         if not self.resume or not exists(file):
             return None
-        # Stored as it is, what a checkpoint holds is less than its file; what is packed is not ours.
+        # Checkpoints are not compressed: arrays larger than the file are not from this package.
         with open_ordinary(file, "a whole checkpoint", memory_limit()) as opened:
             size = opened.seek(0, os.SEEK_END)
         arrays = read_arrays(file, "a whole checkpoint", size, MOST_CHECKPOINT_ARRAYS)
@@ -275,7 +274,7 @@ class RunFolder:
 
 
 class Keeper:
-    """Decides when the next checkpoint is due: by its interval, and by what writing one costs."""
+    """Decides when the next checkpoint is due, from the interval and the time that writing one takes."""
 
     def __init__(self, interval: float) -> None:
         self._interval = interval
@@ -303,10 +302,10 @@ def _make_folder(path: Path) -> None:
 
 @contextmanager
 def numbered_folder(path: Path) -> Iterator[Path]:
-    """A new folder called `path`, or with the first free number behind it: made, and so taken.
+    """A new folder called `path`, or `path` with the first free number behind it.
 
-    Of commands that ask at the same time each gets its own. It is removed again if it is still empty
-    at the end.
+    Commands that ask at the same time get different folders. The folder is removed again if it is still
+    empty at the end.
 
     Raises
     ------
@@ -317,7 +316,7 @@ def numbered_folder(path: Path) -> Iterator[Path]:
     try:
         yield folder
     finally:
-        with suppress(OSError):  # it holds something, or has gone
+        with suppress(OSError):  # it is not empty, or was removed
             folder.rmdir()
 
 
@@ -332,7 +331,7 @@ def _new_folder(path: Path) -> Path:
 
 
 def _made(folder: Path) -> bool:
-    """Whether it was this call that made the folder: the system lets one of many do so."""
+    """Whether this call has made the folder; the system lets only one of several calls succeed."""
     try:
         folder.mkdir()
     except FileExistsError:
@@ -345,7 +344,7 @@ def _made(folder: Path) -> bool:
 def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
     """Refuse an output folder that is a file, cannot be written, or holds something (unless forced).
 
-    `option` is what the user named it with.
+    `option` is the command's option that named it.
 
     Raises
     ------
@@ -363,7 +362,7 @@ def require_free(path: Path, *, force: bool, option: str = "--out ") -> None:
         )
 
 
-def read_run_file(file: Path) -> dict[str, dict[str, Any]]:
+def read_run_file(file: Path) -> dict[str, dict[str, object]]:
     """The tables of a run.toml; InputError where it is none."""
     text = read_text(file, "the run.toml of a run", MOST_SCENE_BYTES)
     table = parse_toml(text, str(file))

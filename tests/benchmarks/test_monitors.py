@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.models import Setup, build_model
+from ellipsoid_coupling.models import Setup, build_model, model_terms
 from ellipsoid_coupling.monitors import Monitors, Pace
-from ellipsoid_coupling.scenes import terms_of
 from ellipsoid_coupling.simulation import scene_flow
 
 MOST = 0.02
@@ -35,7 +34,7 @@ def part_of_a_run(name: str, scheme: Any, settings: dict[str, Any], seconds: flo
     box = {"times": [1e3], "domain.boundary": "reflecting"}
     scene = ec.load_scene("rotation", settings | box)
     realisations = scene.particles.realisations
-    setup = Setup(scene, terms_of(scene, name), scheme, scene_flow(scene), 0, realisations)
+    setup = Setup(scene, model_terms(scene, name), scheme, scene_flow(scene), 0, realisations)
     model = build_model(name, setup)
     monitors, pace = Monitors(name, setup, model), Pace(1e3, 1e9)
     calls: list[float] = []

@@ -11,9 +11,9 @@ import pytest
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare import Frontier, FrontierRow, choose, pareto_front, run_frontier
 from ellipsoid_coupling.compare import frontier as frontier_module
-from ellipsoid_coupling.compare import reference_solution as yardstick_module
+from ellipsoid_coupling.compare import reference_solution as reference_module
 from ellipsoid_coupling.compare.distances import Errors
-from ellipsoid_coupling.compare.resolutions import LEVELS, make_ladder
+from ellipsoid_coupling.compare.resolutions import LEVELS, make_refinement
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.models import SCHEMES
@@ -47,16 +47,16 @@ def test_the_cheapest_run_below_each_error() -> None:
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_ladders_rise_in_cost_and_fill_the_domain(name: str) -> None:
+def test_refinements_rise_in_cost_and_fill_the_domain(name: str) -> None:
     """Five levels or more, the next always dearer, whole cells across."""
     scene = ec.load_scene(name)
-    for model in frontier_module.FRONTIER_MODELS:
+    for model in frontier_module.frontier_models():
         for scheme in SCHEMES:
-            ladder = make_ladder(scene, model, scheme)
-            costs = [level.cost for level in ladder.levels]
+            refinement = make_refinement(scene, model, scheme)
+            costs = [level.cost for level in refinement.levels]
             assert len(costs) >= LEVELS
             assert costs == sorted(costs)
-            for level in ladder.levels:
+            for level in refinement.levels:
                 cells = scene.domain.width / level.scene.numerics.cell
                 assert abs(cells - round(cells)) < 1e-9
                 assert level.scene.numerics.angle_cells % 4 == 0
@@ -73,14 +73,14 @@ def test_what_runs_tell_is_reported() -> None:
     line = ("slow", "paper", "h = 1; h = 2", "Characteristics crossed at t = 0.5.")
     assert warning_rows(told) == [line]
     assert frontier_text(told).count("Characteristics crossed") == 1
-    assert "To be known" not in frontier_text(replace(told, rows=ROWS))
+    assert "Warnings of" not in frontier_text(replace(told, rows=ROWS))
 
 
 def test_a_model_that_refuses_the_scene_is_left_out_and_named(
     monkeypatch: pytest.MonkeyPatch, rotation_flow: FlowField
 ) -> None:
     """Without drag there is no diffusive limit."""
-    monkeypatch.setattr(yardstick_module, "_EXACT_SIDE", 64)
+    monkeypatch.setattr(reference_module, "_EXACT_SIDE", 64)
     values = {"interaction": None, "flow.drag": 0.0, "outer_potential.stiffness": 1.0}
     scene = ec.load_scene("rotation", values | {"times": [0.2]})
     models = ("rho_mono_kinetic", "diffusive")

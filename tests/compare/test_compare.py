@@ -17,8 +17,8 @@ from ellipsoid_coupling.compare import (
     exact_reference,
     has_exact_reference,
     sampling_errors,
-    short_cases,
     short_frontier,
+    short_runs,
     write_table,
 )
 from ellipsoid_coupling.errors import InputError
@@ -85,7 +85,7 @@ def test_only_independent_particles_have_an_exact_reference() -> None:
 
 def test_a_short_frontier_has_three_resolutions_of_each(tmp_path: Path) -> None:
     scene = ec.load_scene("rotation", TINY)
-    cases = short_cases(scene)
+    cases = short_runs(scene)
     assert len(cases) == 12
     assert [c.scene.numerics.cell for c in cases if c.model != "microscopic"][:3] == [
         0.2,

@@ -12,7 +12,7 @@ from scipy import stats
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compare import Frontier, FrontierRow, run_frontier, timing
-from ellipsoid_coupling.compare import reference_solution as yardstick_module
+from ellipsoid_coupling.compare import reference_solution as reference_module
 from ellipsoid_coupling.compare.cheapest import KINDS
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import (
@@ -27,7 +27,7 @@ from ellipsoid_coupling.compare.error_budget import (
     total_error,
 )
 from ellipsoid_coupling.flow import analytic_flow
-from ellipsoid_coupling.output.frontier_report import is_told_from_noise
+from ellipsoid_coupling.output.frontier_report import exceeds_noise
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
@@ -152,7 +152,7 @@ def _mean_deviation(samples: int, masses: Floats) -> float:
     return float((2.0 * (m + 1) * (1.0 - masses) * weight).sum() / samples)
 
 
-def test_the_yardstick_is_the_refined_limit_and_says_so(known: Frontier) -> None:
+def test_the_reference_is_the_refined_limit_and_says_so(known: Frontier) -> None:
     assert (known.reference_name, known.exact, known.left_out) == ("mckean_vlasov", False, ())
     assert known.reference_spread is not None
     assert known.reference_spread.density[0] == 0.0
@@ -201,10 +201,10 @@ def test_equal_ensembles_are_not_told_apart() -> None:
     for _ in range(20):
         one, other = (at_times(generator, BASE, 64) for _ in range(2))
         row = finite_number_row(one, other)
-        told += [is_told_from_noise(row, kind) for kind in KINDS]
+        told += [exceeds_noise(row, kind) for kind in KINDS]
     assert sum(told) <= 1
     shifted = at_times(generator, BASE + 0.1 * OF_CLOSURE, 64)
-    assert is_told_from_noise(finite_number_row(one, shifted), "density")
+    assert exceeds_noise(finite_number_row(one, shifted), "density")
 
 
 def test_offsets_between_random_groups_are_found() -> None:
@@ -264,7 +264,7 @@ def test_parts_without_interaction_are_what_the_exact_solution_says(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Rotation before any crossing: no finite-N part, no closure part, discretisation alone."""
-    monkeypatch.setattr(yardstick_module, "_EXACT_SIDE", 192)
+    monkeypatch.setattr(reference_module, "_EXACT_SIDE", 192)
     values = {"interaction": None, "times": [0.5, 1.0], "particles.number": 500}
     scene = ec.load_scene("rotation", values | {"particles.realisations": 16})
     models = ("microscopic", "rho_mono_kinetic")

@@ -1,4 +1,4 @@
-"""The yardstick refines all that it errs by, and further than any run that it measures."""
+"""The reference refines all that it errs by, and further than any run that it measures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from ellipsoid_coupling.compare import reference_solution
-from ellipsoid_coupling.compare.resolutions import Ladder, make_ladder
+from ellipsoid_coupling.compare.resolutions import Refinement, make_refinement
 from ellipsoid_coupling.compare.timing import Bench
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow import FlowField
@@ -15,27 +15,27 @@ from ellipsoid_coupling.models import SCHEMES
 from ellipsoid_coupling.scenes import load_scene
 
 
-def refined_ladder(monkeypatch: pytest.MonkeyPatch, flow: FlowField) -> Ladder:
-    """The levels that the yardstick of `rotation` climbs, without running them."""
-    seen: list[Ladder] = []
+def refined_levels(monkeypatch: pytest.MonkeyPatch, flow: FlowField) -> Refinement:
+    """The levels that the reference of `rotation` climbs, without running them."""
+    seen: list[Refinement] = []
 
-    def climb(ladder: Ladder, bench: Bench) -> None:
+    def run_levels(refinement: Refinement, bench: Bench) -> None:
         del bench
-        seen.append(ladder)
+        seen.append(refinement)
         raise RunError("seen")
 
-    monkeypatch.setattr(reference_solution, "_finest", climb)
+    monkeypatch.setattr(reference_solution, "_finest", run_levels)
     bench = Bench(flow, 0, 1.0)
     with pytest.raises(RunError, match="seen"):
-        reference_solution.make_yardstick(load_scene("rotation"), ("mckean_vlasov",), bench)
+        reference_solution.make_reference(load_scene("rotation"), ("mckean_vlasov",), bench)
     return seen[0]
 
 
 def test_each_level_refines_the_interaction(
     monkeypatch: pytest.MonkeyPatch, rotation_flow: FlowField
 ) -> None:
-    """Else the distance of the last two, the yardstick's uncertainty, could not see its error."""
-    levels = refined_ladder(monkeypatch, rotation_flow).levels
+    """Else the distance of the last two, the reference's uncertainty, could not see its error."""
+    levels = refined_levels(monkeypatch, rotation_flow).levels
     tolerances = [level.scene.numerics.harmonics_tolerance for level in levels]
     assert all(finer == pytest.approx(0.5 * coarser) for coarser, finer in pairwise(tolerances))
     steps = [level.scene.numerics.tolerance for level in levels]
@@ -48,8 +48,8 @@ def test_no_run_is_measured_with_its_own_nodes(
     monkeypatch: pytest.MonkeyPatch, rotation_flow: FlowField
 ) -> None:
     """Equal nodes and harmonics err alike: their distance would be agreement with itself."""
-    finest = refined_ladder(monkeypatch, rotation_flow).levels[-1].scene
+    finest = refined_levels(monkeypatch, rotation_flow).levels[-1].scene
     for scheme in SCHEMES:
-        runs = make_ladder(load_scene("rotation"), "mckean_vlasov", scheme).levels
+        runs = make_refinement(load_scene("rotation"), "mckean_vlasov", scheme).levels
         least = min(run.scene.numerics.harmonics_tolerance for run in runs)
         assert finest.numerics.harmonics_tolerance < least

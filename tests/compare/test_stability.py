@@ -13,13 +13,13 @@ import pytest
 from ellipsoid_coupling.compare.stability import (
     CASES,
     Case,
-    Field,
+    MapEntry,
     chosen_cases,
     examine,
     map_stability,
 )
 from ellipsoid_coupling.compare.stability.distance import Shape, distances
-from ellipsoid_coupling.models import model_names
+from ellipsoid_coupling.models import kind_named, model_names
 from ellipsoid_coupling.output.stability_report import report_stability, summary_rows
 
 SHORT = {"times": [0.1]}
@@ -27,10 +27,10 @@ SHORT = {"times": [0.1]}
 
 @pytest.mark.parametrize("model", model_names())
 def test_accurate_completes_the_thinned_map(model: str) -> None:
-    """Finite, mass to 1e-12, no negative density, particles inside the walls (`run_case.Field`)."""
+    """Finite, mass to 1e-12, no negative density, particles inside the walls (`run_case.MapEntry`)."""
     cases = [replace(case, reference=False) for case in chosen_cases(quick=True)]
-    fields = [field for case in cases for field in examine(case, model, ("accurate",))]
-    accurate = [f for f in fields if f.outcome != "not applicable"]
+    entries = [entry for case in cases for entry in examine(case, model, ("accurate",))]
+    accurate = [f for f in entries if f.outcome != "not applicable"]
     refused = {f.case for f in accurate if f.outcome == "refused"}
     assert refused <= {"start outside"}
     missed = [f"{f.case}: {f.reason}" for f in accurate if f.outcome in ("stopped", "broken")]
@@ -43,14 +43,14 @@ def test_every_case_has_its_own_name_and_builds() -> None:
     outside = [case.name for case in CASES if case.family == "start" and case.value == "outside"]
     for case in CASES:
         if case.name not in outside:
-            case.scene("microscopic")
+            case.scene(kind_named("microscopic"))
 
 
 def test_a_run_that_fails_says_why_and_what_it_would_need() -> None:
     """The leapfrog under stiff drag: dt drag = 100, where it needs 2."""
     case = Case("drag", "1e4", {"flow.drag": 1e4, "times": [5.0]})
-    fields = {field.scheme: field for field in examine(case, "microscopic", ("paper", "accurate"))}
-    paper, accurate = fields["paper"], fields["accurate"]
+    entries = {entry.scheme: entry for entry in examine(case, "microscopic", ("paper", "accurate"))}
+    paper, accurate = entries["paper"], entries["accurate"]
     assert paper.outcome == "stopped"
     assert "beyond what forces" in paper.reason
     assert paper.needed_step == 2e-4
@@ -61,12 +61,12 @@ def test_a_run_that_fails_says_why_and_what_it_would_need() -> None:
 
 def test_what_leaves_through_open_edges_is_counted() -> None:
     """All of the mass is blown out; what is missing is what was measured at the edges."""
-    settings = {"walls": None, "domain.boundary": "open", "flow.field": "top_bottom"}
+    settings = {"walls": None, "domain.boundary": "open", "flow.entry": "top_bottom"}
     case = Case("open", "", settings | {"times": [5.0]})
     for model in ("rho_mono_kinetic", "q_mono_kinetic", "q_maxwellian", "diffusive"):
-        for field in examine(case, model, ("paper", "accurate")):
-            assert field.outcome == "completed", field
-            assert field.mass_drift < 1e-12
+        for entry in examine(case, model, ("paper", "accurate")):
+            assert entry.outcome == "completed", entry
+            assert entry.mass_drift < 1e-12
 
 
 def test_distances_are_those_of_shifted_masses() -> None:
@@ -81,18 +81,18 @@ def test_distances_are_those_of_shifted_masses() -> None:
 
 def test_the_report_is_whole(tmp_path: Path) -> None:
     cases = [Case("as it is", "", SHORT), Case("start", "outside", CASES[0].settings)]
-    fields = map_stability(cases[:1], ["microscopic", "stationary_state"])
-    stopped = replace(fields[0], value="<b>", outcome="stopped", reason="a & b")
-    report_stability([*fields, stopped], cases, tmp_path)
+    entries = map_stability(cases[:1], ["microscopic", "stationary_state"])
+    stopped = replace(entries[0], value="<b>", outcome="stopped", reason="a & b")
+    report_stability([*entries, stopped], cases, tmp_path)
     lines = list(csv.DictReader((tmp_path / "stability.csv").read_text().splitlines()))
     assert len(lines) == 5
-    assert set(lines[0]) == {*Field.__dataclass_fields__, "error"}
-    assert float(lines[0]["error"]) == fields[0].error
+    assert set(lines[0]) == {*MapEntry.__dataclass_fields__, "error"}
+    assert float(lines[0]["error"]) == entries[0].error
     page = (tmp_path / "index.html").read_text()
     assert "&lt;b&gt;" in page
     assert "a &amp; b" in page
     assert (tmp_path / "stability.png").stat().st_size > 10_000
-    assert [row[:3] for row in summary_rows(fields)][-2:] == [
+    assert [row[:3] for row in summary_rows(entries)][-2:] == [
         ("all", "paper", "2"),
         ("all", "accurate", "2"),
     ]

@@ -17,7 +17,8 @@ import tempfile
 from pathlib import Path
 
 from ellipsoid_coupling.flow.openfoam.programs import foam_environment
-from ellipsoid_coupling.flow.openfoam.solve import case_folder, solve_case
+from ellipsoid_coupling.flow.openfoam.solve import solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
 
 HERE = Path(__file__).parent
 KEPT = ("U", "streamFunction")

@@ -13,7 +13,7 @@ import pytest
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, flow_at, obtain_flow, provide
 from ellipsoid_coupling.flow.openfoam import programs
-from ellipsoid_coupling.flow.openfoam.solve import case_folder
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
 from ellipsoid_coupling.flow.provide import SHIPPED
 from tests.flow.known import points
 

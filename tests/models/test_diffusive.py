@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.models import SchemeName, Setup, build_model
+from ellipsoid_coupling.models import SchemeName, Setup, build_model, model_terms
 from ellipsoid_coupling.models.diffusive import Diffusive
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def scene_with(name: str = "top_bottom", cell: float = 0.05, **parts: Any) -> Sc
 
 
 def model_of(scene: Scene, scheme: SchemeName, flow: FlowField | None) -> Diffusive:
-    setup = Setup(scene, terms_of(scene, "diffusive"), scheme, flow, seed=0, realisations=1)
+    setup = Setup(scene, model_terms(scene, "diffusive"), scheme, flow, seed=0, realisations=1)
     model = build_model("diffusive", setup)
     assert isinstance(model, Diffusive)
     return model

@@ -17,10 +17,10 @@ from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_
 from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
-from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
+from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, model_terms
 from ellipsoid_coupling.models.mckean_vlasov import McKeanVlasov
 from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 
 Floats = NDArray[np.float64]
 
@@ -189,7 +189,8 @@ def model_of(
 ) -> Model:
     flow: FlowField | None = analytic_flow(scene.flow.field) if scene.flow else None
     return build_model(
-        model, Setup(scene, terms_of(scene, model), scheme, flow, seed=3, realisations=realisations)
+        model,
+        Setup(scene, model_terms(scene, model), scheme, flow, seed=3, realisations=realisations),
     )
 
 
@@ -288,7 +289,7 @@ def test_walls_and_even_points_in_the_cavity(rotation_flow: FlowField) -> None:
     scene = scene_with(
         "cavity", particles=load_scene("cavity").particles.model_dump() | {"number": 450}
     )
-    setup = Setup(scene, terms_of(scene, "mckean_vlasov"), "accurate", rotation_flow, 0, 2)
+    setup = Setup(scene, model_terms(scene, "mckean_vlasov"), "accurate", rotation_flow, 0, 2)
     model = McKeanVlasov("mckean_vlasov", setup)
     start = snapshot_of(model)
     assert start["x"].shape == (1, 900)

@@ -14,19 +14,16 @@ import pytest
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files import limits
-from ellipsoid_coupling.models import SCHEMES, Setup, model_names
+from ellipsoid_coupling.models import SCHEMES, Setup, kind_named, model_names, model_terms
 from ellipsoid_coupling.models.memory import peak_memory
-from ellipsoid_coupling.models.rho_equation import RhoEquation
-from ellipsoid_coupling.scenes import terms_of
 
 # Runs each [scene, model, scheme, settings] of its input twice, with a folder: so that kernels (some are
 # for many particles only) and libraries are there, and again from a fresh mark of the peak.
 MEASURE = """
 import ctypes, gc, json, pathlib, re, sys, tempfile
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.models import _classes, Setup
+from ellipsoid_coupling.models import Setup, kind_named, model_terms
 from ellipsoid_coupling.models.memory import _LIBRARIES, peak_memory
-from ellipsoid_coupling.scenes import terms_of
 
 def taken(key):
     status = pathlib.Path("/proc/self/status").read_text()
@@ -42,9 +39,9 @@ for scene, model, scheme, settings in json.load(sys.stdin):
         before, made = taken("VmRSS"), ec.load_scene(scene, settings)
         ec.simulate(made, model, scheme, folder=place / "second")
         peak = taken("VmHWM") - before
-    setup = Setup(made, terms_of(made, model), scheme, None, 0, made.particles.realisations)
-    told = peak_memory(_classes()[model], model, setup) - _LIBRARIES
-    print(json.dumps([model, scheme, peak, told]), flush=True)
+    setup = Setup(made, model_terms(made, model), scheme, None, 0, made.particles.realisations)
+    estimate = peak_memory(kind_named(model), setup) - _LIBRARIES
+    print(json.dumps([model, scheme, peak, estimate]), flush=True)
 """
 PARTICLES: dict[str, Any] = {
     "particles.number": 1000,
@@ -63,9 +60,7 @@ needs_proc = pytest.mark.skipif(
 
 def measured(model: str, scheme: str, **more: Any) -> list[Any]:
     """One run for `MEASURE`: about 100 MB, no interaction, two times to save."""
-    from ellipsoid_coupling.models import layout_of
-
-    layout = layout_of(model)
+    layout = kind_named(model).layout
     scene = "stationary" if model == "stationary_state" else "rotation"
     size = SIZES[layout]
     if scene == "stationary":
@@ -104,8 +99,8 @@ def test_a_copy_to_step_aside_from_is_counted() -> None:
     taken = []
     for times in ([0.2], [0.1, 0.2]):
         scene = ec.load_scene("rotation", RHO | {"times": times, "interaction": None})
-        setup = Setup(scene, terms_of(scene, "rho_mono_kinetic"), "accurate", None, 0, 1)
-        taken.append(peak_memory(RhoEquation, "rho_mono_kinetic", setup))
+        setup = Setup(scene, model_terms(scene, "rho_mono_kinetic"), "accurate", None, 0, 1)
+        taken.append(peak_memory(kind_named("rho_mono_kinetic"), setup))
     # One snapshot is kept; the second one's five variables are not made yet.
     assert taken[1] - taken[0] == pytest.approx(8 * 8 * 600**2)
 

@@ -17,14 +17,14 @@ from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.q_grid import QOMEGA, QVX, QVY, Q, inside
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
-from ellipsoid_coupling.models import Setup
+from ellipsoid_coupling.models import Setup, model_terms
 from ellipsoid_coupling.models import q_equation as module
 from ellipsoid_coupling.models.q_equation import QEquation
 from ellipsoid_coupling.models.q_maxwellian import QMaxwellian
 from ellipsoid_coupling.models.q_mono_kinetic import QMonoKinetic
 from ellipsoid_coupling.models.rho_equation import RhoEquation
 from ellipsoid_coupling.physics.potential import potential_shape
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ def model_of(
     scene: Scene, name: str, flow: FlowField | None = None, scheme: Any = "accurate"
 ) -> QEquation:
     model = {MONO: QMonoKinetic, MAXWELL: QMaxwellian}[name]
-    return model(name, Setup(scene, terms_of(scene, name), scheme, flow, 0, 1))
+    return model(name, Setup(scene, model_terms(scene, name), scheme, flow, 0, 1))
 
 
 def run(model: QEquation, until: float) -> QEquation:
@@ -281,7 +281,7 @@ def test_one_angle_without_torque_is_the_rho_equation(
     settings = {"flow.angular_drag": 0.0, "particles.width": 0.1, "numerics.cell": 0.1}
     scene = load_scene("rotation", settings | {"numerics.interaction": "direct"})
     model = model_of(scene, MONO, rotation_flow, scheme)
-    setup = Setup(scene, terms_of(scene, "rho_mono_kinetic"), scheme, rotation_flow, 0, 1)
+    setup = Setup(scene, model_terms(scene, "rho_mono_kinetic"), scheme, rotation_flow, 0, 1)
     rho = RhoEquation("rho_mono_kinetic", setup)
     assert model.grid.angles == 1
     for dt, count in ((0.02, 0), (0.05, 1), (0.05, 2)):
@@ -372,7 +372,7 @@ def test_a_snapshot_has_the_results_layout(rotation_flow: FlowField) -> None:
 def test_bad_grids_and_lost_solutions_are_reported(rotation_flow: FlowField) -> None:
     few = load_scene("rotation", {"numerics.angle_cells": 2})
     with pytest.raises(InputError, match="angle_cells"):
-        QMonoKinetic.require_fit(Setup(few, terms_of(few, MONO), "accurate", None, 0, 1))
+        QMonoKinetic.require_fit(Setup(few, model_terms(few, MONO), "accurate", None, 0, 1))
     settings = FREE | {"numerics.cell": 0.1, "numerics.angle_cells": 8}
     model = model_of(load_scene("rotation", settings), MONO, rotation_flow)
     inside(model.cells.fields)[QVX] = np.nan

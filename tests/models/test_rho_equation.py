@@ -16,10 +16,10 @@ from ellipsoid_coupling.finite_volume.sources import exact_kick
 from ellipsoid_coupling.finite_volume.step_limits import extremes_of
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.provide import SHIPPED
-from ellipsoid_coupling.models import Setup
+from ellipsoid_coupling.models import Setup, model_terms
 from ellipsoid_coupling.models import r_grid as module
 from ellipsoid_coupling.models.rho_equation import RhoEquation
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 from ellipsoid_coupling.simulation import scene_flow, simulate
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ FREE = {"interaction": None}
 
 
 def model_of(scene: Scene, flow: FlowField | None, scheme: Any = "accurate") -> RhoEquation:
-    terms = terms_of(scene, "rho_mono_kinetic")
+    terms = model_terms(scene, "rho_mono_kinetic")
     return RhoEquation("rho_mono_kinetic", Setup(scene, terms, scheme, flow, 0, 1))
 
 

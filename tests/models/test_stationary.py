@@ -12,10 +12,10 @@ from scipy.special import i0
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
-from ellipsoid_coupling.models import Setup, build_model
+from ellipsoid_coupling.models import Setup, build_model, model_terms
 from ellipsoid_coupling.models.stationary import StationaryState
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 from ellipsoid_coupling.simulation import simulate
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ def scene_with(**parts: Any) -> Scene:
 
 
 def model_of(scene: Scene) -> StationaryState:
-    terms = terms_of(scene, "stationary_state")
+    terms = model_terms(scene, "stationary_state")
     model = build_model("stationary_state", Setup(scene, terms, "accurate", None, 0, 1))
     assert isinstance(model, StationaryState)
     return model

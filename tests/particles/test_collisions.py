@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.flow import analytic_flow
-from ellipsoid_coupling.models import Model, Setup, build_model
+from ellipsoid_coupling.models import Model, Setup, build_model, model_terms
 from ellipsoid_coupling.particles.collisions import (
     Cloud,
     collision_step,
@@ -21,7 +21,7 @@ from ellipsoid_coupling.particles.collisions import (
 )
 from ellipsoid_coupling.particles.state import Limits, Rates
 from ellipsoid_coupling.physics.potential import pair_terms, potential_shape
-from ellipsoid_coupling.scenes import Scene, load_scene, terms_of
+from ellipsoid_coupling.scenes import Scene, load_scene
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def shear_scene(points: list[list[float]], end: float, **settings: Any) -> Scene
 def ran(scene: Scene, name: str = "microscopic", seed: int = 1) -> Model:
     flow = analytic_flow("shear") if scene.flow else None
     realisations = scene.particles.realisations
-    setup = Setup(scene, terms_of(scene, name), "accurate", flow, seed, realisations)
+    setup = Setup(scene, model_terms(scene, name), "accurate", flow, seed, realisations)
     model = build_model(name, setup)
     while model.time < scene.times[-1]:
         model.advance(scene.times[-1])

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.checksum import sealed
 from ellipsoid_coupling.flow import FlowField, analytic_flow
-from ellipsoid_coupling.models import Model, Setup, build_model
+from ellipsoid_coupling.models import Model, Setup, build_model, model_terms
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import builtin_scenes, load_scene, scene_to_toml, terms_of
+from ellipsoid_coupling.scenes import builtin_scenes, load_scene, scene_to_toml
 from ellipsoid_coupling.stepping.step_control import clock_fault
 from ellipsoid_coupling.storage.checkpoint import Progress, pack, unpack
 from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, RunFolder
@@ -263,7 +263,7 @@ def small_model() -> Model:
     scene = load_scene("top_bottom", {"particles.number": 4, "particles.realisations": 2})
     flow = analytic_flow("top_bottom")
     return build_model(
-        "microscopic", Setup(scene, terms_of(scene, "microscopic"), "accurate", flow, 0, 2)
+        "microscopic", Setup(scene, model_terms(scene, "microscopic"), "accurate", flow, 0, 2)
     )
 
 

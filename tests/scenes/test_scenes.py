@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.interaction.convolution.spectra import LEAST_SINGLE_TOLERANCE
+from ellipsoid_coupling.models import model_terms
 from ellipsoid_coupling.scenes import (
     builtin_scenes,
     explain_terms,
@@ -18,7 +18,6 @@ from ellipsoid_coupling.scenes import (
     scene_to_toml,
     terms_of,
 )
-from ellipsoid_coupling.scenes import terms as terms_module
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
@@ -117,39 +116,17 @@ def test_terms_follow_from_the_scene() -> None:
 
 def test_noise_runs_in_particles_and_only_damps_in_closures() -> None:
     scene = load_scene("stationary")
-    assert terms_of(scene, "microscopic").noise
-    term = next(t for t in explain_terms(scene, "rho_mono_kinetic") if t.name == "noise")
+    assert model_terms(scene, "microscopic").noise
+    term = next(t for t in explain_terms(scene, random_motion=False) if t.name == "noise")
     assert not term.runs
     assert "damping" in term.why
     quiet = load_scene("stationary", {"noise.noise": 0.0})
-    assert not terms_of(quiet, "microscopic").noise
+    assert not model_terms(quiet, "microscopic").noise
 
 
 def test_every_term_has_a_reason() -> None:
     for name in builtin_scenes():
         assert all(term.why for term in explain_terms(load_scene(name)))
-
-
-@pytest.mark.parametrize(
-    ("model", "settings", "words"),
-    [
-        ("microscopic", {}, "pair by pair"),
-        ("rho_mono_kinetic", {}, "within 0.02 of its largest value, single precision"),
-        ("q_mono_kinetic", {"numerics.harmonics_tolerance": 1e-5}, "double precision"),
-        ("q_mono_kinetic", {"numerics.interaction": "direct"}, "to rounding"),
-        ("q_maxwellian", {}, "to rounding"),
-        ("mckean_vlasov", {}, "force and torque within 0.02 of the largest"),
-        ("mckean_vlasov", {"numerics.harmonics_tolerance": 1e-5}, "double precision; pair by pair"),
-        ("mckean_vlasov", {"numerics.interaction": "direct"}, "to rounding"),
-    ],
-)
-def test_plan_tells_how_exactly_interaction_is_summed(
-    model: str, settings: dict[str, object], words: str
-) -> None:
-    terms = explain_terms(load_scene("top_bottom", settings), model)
-    assert words in next(term.why for term in terms if term.name == "interaction")
-    # scenes/ imports nothing: the number stands twice.
-    assert terms_module._LEAST_SINGLE_TOLERANCE == LEAST_SINGLE_TOLERANCE
 
 
 def test_points_have_a_box_and_survive_a_file(tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.models import SCHEMES, Setup
-from ellipsoid_coupling.models import _classes as model_classes
+from ellipsoid_coupling.models import SCHEMES, Setup, kind_named, model_names, model_terms
 from ellipsoid_coupling.models.memory import require_memory
 from ellipsoid_coupling.scenes import (
     Scene,
@@ -18,7 +17,6 @@ from ellipsoid_coupling.scenes import (
     explain_terms,
     load_scene,
     parse_setting,
-    terms_of,
 )
 
 _LONG = 1_000_000
@@ -61,10 +59,10 @@ SETTINGS = st.lists(
 def refusal_of(scene: Scene, model: str, scheme: Any) -> str:
     """What the model says of the scene before anything is built; "" where it could run."""
     try:
-        assert explain_terms(scene, model)
-        terms = terms_of(scene, model)
+        assert explain_terms(scene)
+        terms = model_terms(scene, model)
         setup = Setup(scene, terms, scheme, None, 0, scene.particles.realisations)
-        require_memory(model_classes()[model], model, setup)
+        require_memory(kind_named(model), setup)
     except InputError as error:
         return str(error)
     return ""
@@ -81,6 +79,6 @@ def test_any_setting_is_taken_or_refused_in_one_line(
     except InputError as error:
         told = [str(error)]
     if scene is not None:
-        told = [refusal_of(scene, model, s) for model in model_classes() for s in SCHEMES]
+        told = [refusal_of(scene, model, s) for model in model_names() for s in SCHEMES]
     assert all(text == "" or text.isprintable() for text in told)
     assert all(len(text) < 3000 for text in told)

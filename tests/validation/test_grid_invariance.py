@@ -14,8 +14,7 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Kinetic
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.models import Setup, build_model
-from ellipsoid_coupling.scenes import terms_of
+from ellipsoid_coupling.models import Setup, build_model, model_terms
 from ellipsoid_coupling.simulation import scene_flow
 from tests.finite_volume.whole import sweep
 
@@ -54,7 +53,7 @@ def test_the_first_step_from_rest_is_a_multiple_of_the_cell(model: str) -> None:
     for cell in (0.05, 0.025):
         settings = FREE | {"numerics.cell": cell, "numerics.angle_cells": round(3.0 / cell)}
         scene = ec.load_scene("rotation", settings)
-        setup = Setup(scene, terms_of(scene, model), "accurate", scene_flow(scene), 0, 1)
+        setup = Setup(scene, model_terms(scene, model), "accurate", scene_flow(scene), 0, 1)
         built: Any = build_model(model, setup)
         steps.append(built.allowed_step()[0])
     assert steps[0] / steps[1] == pytest.approx(2.0, abs=0.2)

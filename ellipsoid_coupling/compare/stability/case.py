@@ -7,14 +7,16 @@ cells and 16 angles, t = 2, so that the whole map takes some minutes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from ellipsoid_coupling.flow import FlowField, analytic_flow
 from ellipsoid_coupling.flow.analytic import LinearFlow, linear_flow
-from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.files import scene_from_table
+from ellipsoid_coupling.models import ModelKind
+from ellipsoid_coupling.scenes import Scene, scene_from_table, set_key
 
+# Any: nested sections and values of a scene, which `scene_from_table` validates.
 Table = dict[str, Any]
 
 HALF = 0.5
@@ -43,17 +45,17 @@ SMALL: Table = {
         "harmonics_tolerance": 2e-2,
     },
 }
-# What a stationary state cannot have is taken out for it.
-STATIONARY: Table = {
+# Changes for an equilibrium, which has neither fluid nor walls.
+EQUILIBRIUM: Table = {
     "flow": None,
     "walls": None,
     "noise": None,
     "outer_potential.stiffness": 10.0,
     "particles.inertia": 1.0,
 }
-# All that a model without time and fluid knows of.
+# The families that vary a property which an equilibrium has.
 _TIMELESS = ("as it is", "aspect ratio", "eps0", "domain")
-# Without these there is no diffusive limit.
+# Without these there is no overdamped limit.
 _DRAGS = ("flow", "flow.drag", "flow.angular_drag")
 _NOTHING = (None, 0.0)
 
@@ -65,18 +67,18 @@ class Case:
     Attributes
     ----------
     family, value : str
-        What is varied, and to what.
+        The varied quantity and its value.
     settings : dict
         Dotted keys of the scene; the value None takes a part out.
     gradient : float
-        The flow is so many times as fast.
-    models : tuple of str
-        Only these; empty for all.
-    thin : bool
-        Belongs to the thinned map (`--quick`, tests).
-    creeping_end : float
-        The end time of the diffusive limit, where speeds go like the force itself and not like its
-        root; 0 for that of all.
+        Factor on the flow's velocity.
+    only : callable, optional
+        Whether a model is run (`ModelKind` -> bool); all if left out.
+    quick : bool
+        Is part of the short map (`--quick`, tests).
+    overdamped_end : float
+        The end time for overdamped models, whose speeds go like the force itself and not like its root;
+        0 for the end time of all.
     background : float
         This density is added in all cells of a grid.
     reference : bool
@@ -87,39 +89,39 @@ class Case:
     value: str
     settings: Table
     gradient: float = 1.0
-    models: tuple[str, ...] = ()
-    thin: bool = False
-    creeping_end: float = 0.0
+    only: Callable[[ModelKind], bool] | None = None
+    quick: bool = False
+    overdamped_end: float = 0.0
     background: float = 0.0
     reference: bool = True
 
     @property
     def name(self) -> str:
-        """What is varied, and to what."""
+        """The varied quantity and its value."""
         return f"{self.family} {self.value}"
 
-    def suits(self, model: str) -> bool:
-        """Whether the case means anything to the model."""
-        if model == "stationary_state" and self.family not in _TIMELESS:
+    def suits(self, kind: ModelKind) -> bool:
+        """Whether the model has the quantity that is varied."""
+        if kind.equilibrium and self.family not in _TIMELESS:
             return False
-        if model == "diffusive" and any(self.settings.get(key, 1.0) in _NOTHING for key in _DRAGS):
+        if kind.overdamped and any(self.settings.get(key, 1.0) in _NOTHING for key in _DRAGS):
             return False
-        return not self.models or model in self.models
+        return self.only is None or self.only(kind)
 
-    def scene(self, model: str, finer: Table | None = None) -> Scene:
+    def scene(self, kind: ModelKind, finer: Table | None = None) -> Scene:
         """The small scene with this case's changes, for one model.
 
         Raises
         ------
         InputError
-            Where the changes are no scene: what starts outside, for one.
+            Where the changes are no scene, for example for a start outside of the domain.
         """
         table: Table = {k: dict(v) if isinstance(v, dict) else v for k, v in SMALL.items()}
-        own = STATIONARY if model == "stationary_state" else {}
-        if model == "diffusive" and self.creeping_end:
-            own = {"times": [self.creeping_end]}
+        own = EQUILIBRIUM if kind.equilibrium else {}
+        if kind.overdamped and self.overdamped_end:
+            own = {"times": [self.overdamped_end]}
         for key, value in (self.settings | own | (finer or {})).items():
-            _apply(table, key, value)
+            set_key(table, key, value)
         return scene_from_table(table, f"case {self.name}")
 
     def flow(self, scene: Scene) -> FlowField | None:
@@ -136,13 +138,3 @@ _FAST = {
     "shear": lambda g: LinearFlow(0.0, g, 0.0, f"u = {g:g} (y, 0)"),
     "top_bottom": lambda g: LinearFlow(-g, 0.0, 0.0, f"u = {g:g} (-x, y)"),
 }
-
-
-def _apply(table: Table, key: str, value: object) -> None:
-    *sections, last = key.split(".")
-    for section in sections:
-        table = table.setdefault(section, {})
-    if value is None:
-        table.pop(last, None)
-    else:
-        table[last] = value

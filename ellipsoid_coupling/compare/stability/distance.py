@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.models import Model
+from ellipsoid_coupling.models import Model, kind_named
 from ellipsoid_coupling.scenes import Scene
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ _PLACES = 480
 
 @dataclass(frozen=True)
 class Shape:
-    """What is compared: marginal distribution functions in x and y (2, places), and <e^{2 i theta}>."""
+    """Marginal distribution functions in x and y (2, places), and <e^{2 i theta}>, to be compared."""
 
     marginals: Floats
     axis: complex
@@ -40,14 +40,15 @@ def shape_of(model: Model, scene: Scene) -> Shape:
     now = {name: np.asarray(values, np.float64) for name, values in model.snapshot().items()}
     domain = scene.domain
     ranges = (domain.x, domain.y)
-    if model.layout == "particles":
+    kind = kind_named(model.name)
+    if not kind.is_grid:
         marginals = [
             _of_particles(now[name].ravel(), *span) for name, span in zip("xy", ranges, strict=True)
         ]
         return Shape(np.array(marginals), _mean_axis(now["angle"], np.ones(now["angle"].shape)))
     density = now["density"]
     mass = density / density.sum() if density.sum() > 0.0 else density
-    if model.layout == "rho":
+    if kind.layout == "rho":
         angle = now["mean_angle"]
     else:
         angle = np.broadcast_to(model.coordinates()["angle"][:, None, None], density.shape)
@@ -79,5 +80,5 @@ def _of_cells(mass: Floats) -> Floats:
 
 def distances(one: Shape, other: Shape, *, turns: bool) -> tuple[float, float]:
     """Place and angle, as the module defines them; circles have no angle."""
-    place = float(np.abs(one.marginals - other.marginals).mean(axis=1).max())
-    return place, abs(one.axis - other.axis) if turns else 0.0
+    away = float(np.abs(one.marginals - other.marginals).mean(axis=1).max())
+    return away, abs(one.axis - other.axis) if turns else 0.0

@@ -1,4 +1,4 @@
-"""One field of the map: a model and a scheme on a case, held against a reference."""
+"""One entry of the map: a model and a scheme on a case, compared with a reference."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import distances
 from ellipsoid_coupling.compare.stability.watched_run import Outcome, Run, run_case
-from ellipsoid_coupling.models import SchemeName, layout_of
+from ellipsoid_coupling.models import ADAPTIVE_SCHEME, SchemeName, kind_named, scheme_named
 from ellipsoid_coupling.scenes import Scene, terms_of
 
-# By how much the scheme `paper` is asked for a smaller step before it is given up, and the share of
-# the steps that it may take.
+# Factors on the step of a scheme of fixed steps that are tried, and the share of the steps that a try may
+# take.
 _SMALLER = (0.1, 0.01, 1e-3)
 _SHARE_OF_SEARCH = 0.1
-# A reference has so many times as many cells in every direction.
+# Factor on a reference's number of cells in every direction.
 _FINER = 1.5
-# A reference takes more steps, on more cells; under pressure these are so dear that it may take fewer.
+# Share of the steps that a reference under pressure may take: its steps are the most expensive of all.
 REFERENCE_OF_PRESSURE = 0.4
 
 
 @dataclass(frozen=True)
-class Field:
+class MapEntry:
     """One run of the map; NaN where a number does not exist.
 
     Attributes
@@ -32,19 +32,19 @@ class Field:
     family, value, model, scheme : str
     outcome : str
         "completed"; "broken": it came to its end, but mass, positivity or the walls did not hold;
-        "stopped": it said why; "refused": bad input; "not applicable": means nothing to the model.
+        "stopped": it raised an error; "refused": bad input; "not applicable": the model lacks it.
     reason : str
-        Its own words, where it did not complete.
+        The message, if it did not complete.
     place_error, angle_error : float
         As in `distance`, against `reference`.
     reference : str
     mass_drift : float
-        |mass at the end + what left - mass at the start|, relative; the largest of the run.
+        |mass at the end + mass that left - mass at the start|, relative; the largest of the run.
     least_density : float
         The smallest of any cell at any time; NaN for particles.
     steps, rejected : float
     needed_step : float
-        For the scheme `paper` where it did not hold: the largest step tried with which it did.
+        For a scheme of fixed steps that did not hold: the largest step tried with which it did.
     seconds : float
         Run time without compiling.
     """
@@ -52,7 +52,7 @@ class Field:
     family: str
     value: str
     model: str
-    scheme: str
+    scheme: SchemeName
     outcome: Outcome
     reason: str = ""
     place_error: float = math.nan
@@ -67,7 +67,7 @@ class Field:
 
     @property
     def case(self) -> str:
-        """What was varied, and to what."""
+        """The varied quantity and its value."""
         return f"{self.family} {self.value}".strip()
 
     @property
@@ -77,12 +77,13 @@ class Field:
 
 
 def _finer(case: Case, model: str) -> tuple[Table, str]:
-    """What makes a run of `accurate` the reference, and how it is called."""
-    scene = case.scene(model)
+    """The settings that make a run of `accurate` the reference, and their description."""
+    kind = kind_named(model)
+    scene = case.scene(kind)
     numerics = scene.numerics
-    if layout_of(model) == "particles":
-        if terms_of(scene, model).noise:
-            # The noise of another step is another noise: only the law can be compared.
+    if not kind.is_grid:
+        if terms_of(scene).noise:
+            # Another step draws other noise, so only the law can be compared.
             count = 10 * scene.particles.realisations
             return {"particles.realisations": count}, f"accurate, other noise, {count} realisations"
         tolerance = 0.01 * min(numerics.tolerance, 1e-3)
@@ -93,10 +94,11 @@ def _finer(case: Case, model: str) -> tuple[Table, str]:
     return settings, f"accurate, h = {cell:.3g}, {angles} angles"
 
 
-def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Field]:
-    """The fields of one case and one model: both schemes against one reference."""
-    if not case.suits(model):
-        return [Field(case.family, case.value, model, s, "not applicable") for s in schemes]
+def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[MapEntry]:
+    """The entries of one case and one model: both schemes against one reference."""
+    kind = kind_named(model)
+    if not case.suits(kind):
+        return [MapEntry(case.family, case.value, model, s, "not applicable") for s in schemes]
     runs = {scheme: run_case(case, model, scheme) for scheme in schemes}
     if not case.reference:
         reference, words = None, "none: it would take too long"
@@ -104,26 +106,26 @@ def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Fie
         reference, words = None, ""
     else:
         finer, words = _finer(case, model)
-        share = REFERENCE_OF_PRESSURE if model == "q_maxwellian" else 1.0
+        share = REFERENCE_OF_PRESSURE if kind.pressure > 0.0 else 1.0
         seed = 1 if "realisations" in words else 0
-        reference = run_case(case, model, "accurate", finer, seed=seed, share=share)
-    fields = [_field(case, model, s, runs[s], reference, words) for s in schemes]
+        reference = run_case(case, model, ADAPTIVE_SCHEME, finer, seed=seed, share=share)
+    entries = [_entry(case, model, s, runs[s], reference, words) for s in schemes]
     return [
-        replace(f, needed_step=_needed_step(case, model, runs["paper"]))
-        if f.scheme == "paper" and f.outcome in ("broken", "stopped")
-        else f
-        for f in fields
+        replace(entry, needed_step=_needed_step(case, model, entry.scheme, runs[entry.scheme]))
+        if not scheme_named(entry.scheme).adaptive and entry.outcome in ("broken", "stopped")
+        else entry
+        for entry in entries
     ]
 
 
-def _field(
-    case: Case, model: str, scheme: str, run: Run, reference: Run | None, words: str
-) -> Field:
+def _entry(
+    case: Case, model: str, scheme: SchemeName, run: Run, reference: Run | None, words: str
+) -> MapEntry:
     counts = run.counts or {}
     place, angle = _errors(case, model, run, reference)
     if reference is not None and reference.outcome != "completed":
         words = f"none: {words}: {reference.reason}"
-    return Field(
+    return MapEntry(
         case.family,
         case.value,
         model,
@@ -146,7 +148,7 @@ def _errors(case: Case, model: str, run: Run, reference: Run | None) -> tuple[fl
         return math.nan, math.nan
     assert run.shape is not None
     assert reference.shape is not None
-    turns = not case.scene(model).particles.is_circle
+    turns = not case.scene(kind_named(model)).particles.is_circle
     return distances(run.shape, reference.shape, turns=turns)
 
 
@@ -158,23 +160,23 @@ def _largest_damping(scene: Scene) -> float:
     return max(drag + kick * kick / 2 for drag, kick in zip(drags, kicks, strict=True))
 
 
-def _needed_step(case: Case, model: str, run: Run) -> float:
-    """The step that the scheme `paper` would need: known, or the largest tried with which it holds.
+def _needed_step(case: Case, model: str, scheme: SchemeName, run: Run) -> float:
+    """The step that a scheme of fixed steps needs: known, or the largest tried with which it holds.
 
-    Known for explicit damping, dt Gamma < 2, and for a run that ended with its number of steps. NaN
-    if it held with none of those tried.
+    It is known for explicit damping, dt Gamma < 2, and for a run that ended at its number of steps. NaN
+    if the scheme held with none of those tried.
     """
     if run.exhausted and run.counts is not None:
         return run.reached / run.counts["steps"]
-    scene = case.scene(model)
-    particles = layout_of(model) == "particles"
+    kind = kind_named(model)
+    scene, particles = case.scene(kind), not kind.is_grid
     damping, step = _largest_damping(scene), scene.numerics.time_step
     if particles and damping * step > 2.0:
         return 2.0 / damping
     key, value = ("time_step", step) if particles else ("cfl", scene.numerics.cfl)
     for factor in _SMALLER:
         changed: Table = {f"numerics.{key}": factor * value}
-        again = run_case(case, model, "paper", changed, share=_SHARE_OF_SEARCH)
+        again = run_case(case, model, scheme, changed, share=_SHARE_OF_SEARCH)
         if again.exhausted or again.counts is None:
             return math.nan
         if again.outcome == "completed":

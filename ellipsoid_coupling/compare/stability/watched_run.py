@@ -1,7 +1,6 @@
-"""A run of the map, watched from the first step to the last.
+"""A run of the map that is checked after every call, from the first step to the last.
 
-It is bounded by its number of steps, never by the clock, so that a map does not depend on the machine
-that it was made on.
+Its number of steps is bounded, not its seconds, so that the map does not depend on the machine.
 """
 
 from __future__ import annotations
@@ -17,22 +16,29 @@ from ellipsoid_coupling.compare.stability.case import Case, Table
 from ellipsoid_coupling.compare.stability.distance import Shape, shape_of
 from ellipsoid_coupling.compiled.compile_events import CompileTimer
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model
+from ellipsoid_coupling.models import (
+    Model,
+    SchemeName,
+    Setup,
+    build_model,
+    kind_named,
+    model_terms,
+)
 from ellipsoid_coupling.monitors import Monitors
-from ellipsoid_coupling.scenes import Scene, terms_of
+from ellipsoid_coupling.scenes import Scene
 
 Outcome = Literal["completed", "broken", "stopped", "refused", "not applicable"]
 
 # Steps, repeated ones included, that a run may take: some seconds on the small scene.
 MOST_STEPS = {"particles": 120_000, "rho": 20_000, "q": 4_000}
-# A run that keeps its mass to this, its density positive and its particles inside is whole.
+# The largest relative change of mass of a run that holds.
 LARGEST_DRIFT = 1e-12
 _EXHAUSTED = "more than"
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a run came to, before it is held against anything."""
+    """The outcome of a run, before it is compared with a reference."""
 
     outcome: Outcome
     reason: str
@@ -46,7 +52,7 @@ class Run:
 
 
 class _Watch:
-    """Follows the promises that a run must keep at every moment."""
+    """Checks the laws that must hold at every moment of a run."""
 
     def __init__(self, model: Model, scene: Scene, reflecting: bool) -> None:
         self._model, self._reflecting = model, reflecting
@@ -55,7 +61,7 @@ class _Watch:
         self.look()
 
     def look(self) -> None:
-        """Take notice of the present state."""
+        """Check the present state."""
         counts, now = self._model.counts(), self._model.snapshot()
         start = counts["mass_start"]
         drift = abs(counts["mass_end"] + counts["mass_left"] - start) / start
@@ -64,12 +70,12 @@ class _Watch:
             self.least = float(np.fmin(self.least, np.min(now["density"].astype(np.float64))))
         elif self._reflecting:
             for (low, high), name in self._ranges:
-                place = np.asarray(now[name], np.float64)
-                beyond = np.maximum(low - place, place - high).max(initial=0.0)
+                coordinate = np.asarray(now[name], np.float64)
+                beyond = np.maximum(low - coordinate, coordinate - high).max(initial=0.0)
                 self.outside = float(max(self.outside, beyond))
 
     def broken(self) -> str:
-        """Which promise was not kept; empty if all were."""
+        """The law that was broken; empty if all held."""
         if not self.drift <= LARGEST_DRIFT:
             return f"mass off by {self.drift:.1e}"
         if self.least < 0.0:
@@ -86,7 +92,7 @@ def run_case(
     seed: int = 0,
     share: float = 1.0,
 ) -> Run:
-    """Run a case with these changes more, for at most a `share` of `MOST_STEPS`."""
+    """Run a case with additional changes, for at most a `share` of `MOST_STEPS`."""
     with CompileTimer() as compiling:
         started = time.perf_counter()
         run = _watched(case, model, scheme, finer, (seed, share))
@@ -97,20 +103,21 @@ def _watched(
     case: Case, model: str, scheme: SchemeName, finer: Table | None, how: tuple[int, float]
 ) -> Run:
     try:
-        scene = case.scene(model, finer)
-        terms = terms_of(scene, model)
+        kind = kind_named(model)
+        scene = case.scene(kind, finer)
+        terms = model_terms(scene, model)
         flow = case.flow(scene)
         setup = Setup(scene, terms, scheme, flow, how[0], scene.particles.realisations)
         built = build_model(model, setup)
     except InputError as error:
         return Run("refused", str(error), None)
-    if case.background and built.layout != "particles":
+    if case.background and kind.is_grid:
         fields = built.state()["fields"].copy()
         fields[0] += case.background
         built.restore({"fields": fields})
     watch = _Watch(built, scene, terms.reflection)
     monitors = Monitors(model, setup, built)
-    most = round(how[1] * MOST_STEPS[built.layout])
+    most = round(how[1] * MOST_STEPS[kind.layout])
     outcome, reason = _advance(built, scene, (watch, monitors), most)
     exhausted = reason.startswith(_EXHAUSTED)
     shape = shape_of(built, scene)

@@ -5,8 +5,8 @@
     signed  = { "+" | "-" } value
     value   = number | $name | name "(" [ sum { "," sum } ] ")" | "pos().x()" | "(" sum ")"
 
-A tree is what was read; it is either worked out to a number here (`evaluate`) or written anew for the
-solver (`written`). Nothing of the text itself is kept, so nothing else can be in it.
+The text is read into a tree, which is either evaluated here (`evaluate`) or written anew for the solver
+(`written`). Nothing else of the text is kept.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _MOST_SIGNS = 200
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, in words."""
+    """A fault in an expression, with its message."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,11 @@ def parse(text: str, variables: Variables = no_variables) -> Tree:
     tokens: list[tuple[str, str]] = []
     at, end = 0, len(text.rstrip())
     while at < end:
-        found = _TOKEN.match(text, at)
-        if found is None or found.lastgroup is None:
+        match = _TOKEN.match(text, at)
+        if match is None or match.lastgroup is None:
             raise ExpressionError(f"{text[at:].strip()[:20]!r} in an expression")
-        tokens.append((found.lastgroup, found[found.lastgroup]))
-        at = found.end()
+        tokens.append((match.lastgroup, match[match.lastgroup]))
+        at = match.end()
     if sum(text in _SIGNS for _, text in tokens) > _MOST_SIGNS:
         raise ExpressionError(f"an expression of more than {_MOST_SIGNS} signs")
     return _Reading([*tokens, ("end", "its end")], variables).whole()

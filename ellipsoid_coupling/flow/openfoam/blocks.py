@@ -106,8 +106,8 @@ def _point(section: Section, item: Item) -> str:
 def _labels(section: Section, item: Item, count: int | None, below: int) -> list[int]:
     """(a b c ...), whole numbers from 0 on, below `below`."""
     parts = item.items if isinstance(item, Group) else ()
-    found = [part.value for part in parts if isinstance(part, Number)]
-    whole = [value for value in found if isinstance(value, int) and 0 <= value < below]
+    numbers = [part.value for part in parts if isinstance(part, Number)]
+    whole = [value for value in numbers if isinstance(value, int) and 0 <= value < below]
     if len(whole) != len(parts) or not parts or count not in (None, len(parts)):
         expected = f"{count or 'some'} whole numbers below {below} in parentheses"
         raise section.error(item.at, expected, "another value")

@@ -1,8 +1,8 @@
 """A solved case, checked: mesh and U, and a plain copy of the mesh for VTK.
 
-VTK's reader trusts what it reads: a wrong count or point number ends the program, an #include is
-followed, other folders are looked into. So VTK gets `write_mesh`'s copy, which holds what has been
-checked here and nothing else of the case, always in the same binary form.
+VTK's reader trusts its files: a wrong count or point number ends the program, an #include is followed,
+other folders are searched. So VTK gets the copy of `write_mesh`, which holds the checked mesh and nothing
+else of the case, always in the same binary form.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _require_cells(file: FoamFile, other: FoamFile, owner: Index, neighbour: Ind
 def _require_closed(file: FoamFile, mesh: Mesh) -> None:
     """The faces of every cell close it: each edge of a cell lies on two of its faces.
 
-    What VTK takes for a hexahedron or a prism then is one.
+    Then VTK's hexahedra and prisms are hexahedra and prisms.
     """
     sizes = np.diff(mesh.begins)
     following = np.arange(1, mesh.corners.size + 1)

@@ -3,7 +3,7 @@
     python -I -S confine.py PARENT FOLDER PROGRAM ARGUMENTS...     (FOLDER is - for no wall)
 
 A script of its own, on the standard library alone: it is started once for each program of OpenFOAM and
-shall take milliseconds. Python runs no code of this package in it between a fork and an exec, which a
+must start in milliseconds. Python runs no code of this package in it between a fork and an exec, which a
 parent with threads could not do safely.
 
 It stays beside the program and ends everything that the program has started, other sessions included,
@@ -41,7 +41,7 @@ _DEATH_SIGNAL, _DROP, _REAPER, _NO_PRIVILEGES, _AMBIENT, _CLEAR_ALL = 1, 24, 36,
 _MOUNT_SETATTR, _HERE, _WHOLE_TREE, _READ_ONLY = 442, -100, 0x8000, 1
 _GET_FLAGS, _SET_FLAGS, _UP = 0x8913, 0x8914, 1
 _CAPABILITIES_3, _MOST_CAPABILITIES = 0x20080522, 64
-# What root needs to read and write files of others within FOLDER; read-only mounts stay so.
+# The capabilities by which root reads and writes others' files in FOLDER; read-only mounts stay so.
 _KEPT_CAPABILITIES = (0, 1, 2, 3)
 _DEVICES = ("null", "zero", "full", "random", "urandom")
 _HIDDEN = ("/tmp", "/run")
@@ -107,7 +107,7 @@ def _build_wall(folder: str, program: list[str]) -> None:
     _mount("none", "/", None, _RECURSIVE | _SLAVE)
     inside = os.open(folder, os.O_PATH | os.O_DIRECTORY)
     devices = {name: os.open(f"/dev/{name}", os.O_PATH) for name in _DEVICES}
-    # What holds programs or libraries stays.
+    # Folders of programs and libraries stay.
     needed = [*program, *(part for key in _PATHS for part in os.environ.get(key, "").split(":"))]
     hidden = [
         path for path in _HIDDEN
@@ -135,7 +135,7 @@ def _give_up_rights() -> None:
     """No capability that could undo the wall, now or by any program started from here."""
     for capability in range(_MOST_CAPABILITIES):
         if capability not in _KEPT_CAPABILITIES:
-            with contextlib.suppress(OSError):  # the system knows fewer
+            with contextlib.suppress(OSError):  # the system has fewer
                 _prctl(_DROP, capability)
     _prctl(_AMBIENT, _CLEAR_ALL)
     header, data = struct.pack("=Ii", _CAPABILITIES_3, 0), ctypes.create_string_buffer(24)
@@ -146,12 +146,12 @@ def _give_up_rights() -> None:
 
 
 def _heard() -> list[signal.Signals]:
-    """The signals that end a program; what is ignored, as by nohup, stays so."""
+    """The signals that end a program; those that are ignored, as by nohup, stay ignored."""
     return [number for number in _ENDING if signal.getsignal(number) != signal.SIG_IGN]
 
 
-def _become(folder: str, command: list[str], told: int) -> NoReturn:
-    """The child: build the wall, and become the program; what went wrong is written to `told`."""
+def _become(folder: str, command: list[str], errors: int) -> NoReturn:
+    """The child: build the wall, and become the program; an error is written to the pipe `errors`."""
     for number in _heard():
         signal.signal(number, signal.SIG_DFL)
     try:
@@ -161,7 +161,7 @@ def _become(folder: str, command: list[str], told: int) -> NoReturn:
             program = Path(shutil.which(command[0]) or command[0]).absolute()
             _build_wall(str(Path(folder).resolve()), [str(program), str(program.resolve())])
     except (OSError, AttributeError) as error:
-        os.write(told, str(error).encode(errors="replace"))
+        os.write(errors, str(error).encode(errors="replace"))
         os._exit(0)
     try:
         os.execvp(command[0], command)
@@ -188,15 +188,15 @@ def _start(folder: str, command: list[str]) -> int:
 
 def _descendants() -> list[int]:
     """Processes of this session, and those that have fallen to this process as their parent."""
-    own, found = os.getpid(), []
+    own, pids = os.getpid(), []
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError):
             # "pid (name) state parent group session ...": a name may hold anything.
             fields = path.read_text(encoding="latin-1").rpartition(")")[2].split()
             pid = int(path.parent.name)
             if pid != own and fields[0] != "Z" and own in (int(fields[1]), int(fields[3])):
-                found.append(pid)
-    return found
+                pids.append(pid)
+    return pids
 
 
 def _end_all(child: int) -> None:

@@ -6,9 +6,9 @@
     lid     { type noSlip; }                     ->  lid: Section
     value   nonuniform List<scalar> 2 (1 2);     ->  value: (Word nonuniform, Column (2, 1))
 
-What a second parser takes for a harmless part of OpenFOAM's grammar may be code for the first. So this
-one knows next to nothing and refuses all else, and its values are written anew for the solver (`trust`):
-where the two would disagree, the solver gets what was understood here.
+A text that one parser of OpenFOAM's grammar reads as harmless may be code for another. So this parser
+accepts very little and refuses all else, and its values are written anew for the solver (`trust`): the
+solver gets the values as they were read here.
 
 Three things are worked out while they are read, as the package's own cases need them: the inclusion of
 system/parameters, ``$name`` for a number (or ``$name;`` for the entries of a dictionary) read before,
@@ -40,7 +40,7 @@ _UNITS = ("kg", "m", "s", "K", "mol", "A", "cd")
 _LONGEST_UNITS = 100
 # A solver's entries are a dozen, with one value each; copies of more would multiply a file.
 _MOST_COPIED = 100
-# Of a string, so many characters count as one part.
+# This many characters of a string count as one part.
 _TEXT_PART = 10
 _WIDTH = {"List<scalar>": 1, "List<vector>": 3}
 _IN_A_LIST = frozenset("0123456789+-.eE() \t\r\n")
@@ -54,7 +54,7 @@ class Word(NamedTuple):
 
 
 class Text(NamedTuple):
-    """What stands between double quotes."""
+    """The text between double quotes."""
 
     text: str
     at: int
@@ -169,7 +169,7 @@ class _Parser:
             self._copy(section)
             return
         name, _ = self._scan.word()
-        # What came by ``$name;`` stands before the section, and another entry may replace it.
+        # Entries from ``$name;`` stand before the section, and another entry may replace them.
         if section.places.get(name, -1) >= section.at:
             self._scan.refuse(start, f"a second entry {name}")
         value = self._section(name) if self._scan.peek() == "{" else self._values()
@@ -207,12 +207,12 @@ class _Parser:
 
     def _inclusion(self, section: Section) -> None:
         """``#include "parameters"``, the one file that is taken in."""
-        found = _INCLUSION.match(self._scan.text, self._scan.at)
-        if found is None or self._parameters is None or section is not self._open[0]:
+        match = _INCLUSION.match(self._scan.text, self._scan.at)
+        if match is None or self._parameters is None or section is not self._open[0]:
             self._scan.odd()
-        at, self._scan.at = self._scan.at, found.end()
+        at, self._scan.at = self._scan.at, match.end()
         for name, number in self._parameters().items():
-            # For OpenFOAM the inclusion would count, and not what stands before.
+            # For OpenFOAM the included entry would count, and not the one before it.
             if name in section.entries:
                 self._scan.refuse(at, f"a second entry {name}")
             section.included[name] = Number(number.value, at)
@@ -302,10 +302,10 @@ class _Parser:
     def _evaluation(self) -> Number:
         """``#eval "arithmetic"``, worked out."""
         start = self._scan.at
-        found = _EVAL.match(self._scan.text, start)
-        if found is None:
+        match = _EVAL.match(self._scan.text, start)
+        if match is None:
             self._scan.odd()
-        self._scan.at = found.end()
+        self._scan.at = match.end()
 
         def variable(name: str) -> float | None:
             known = self._known(name)
@@ -387,7 +387,7 @@ def _size(value: Value) -> int:
 
 
 def word_of(section: Section, key: str) -> str:
-    """An entry of one word or string; empty where there is none such."""
+    """An entry of one word or string; empty without such an entry."""
     value = section.entries.get(key)
     single = value[0] if isinstance(value, tuple) and len(value) == 1 else None
     return single.text if isinstance(single, (Word, Text)) else ""

@@ -7,7 +7,7 @@ import re
 from ellipsoid_coupling.flow.openfoam.files import FoamFile, read_count
 from ellipsoid_coupling.flow.openfoam.tokens import Token, line_of, token_at, without_comments
 
-# What stands in List<...>: its size in the file's scalars, in its labels, and in bytes besides.
+# The types of List<...>: sizes in the file's scalars, in its labels, and in further bytes.
 _SIZES = {
     "scalar": (1, 0, 0), "vector": (3, 0, 0), "sphericalTensor": (1, 0, 0), "symmTensor": (6, 0, 0),
     "tensor": (9, 0, 0), "complex": (2, 0, 0), "label": (0, 1, 0), "bool": (0, 0, 1),
@@ -43,7 +43,7 @@ def skip_entry(file: FoamFile, key: Token) -> int:
 
 
 def _following(file: FoamFile, at: int, key: Token) -> Token:
-    """The token at byte `at` of the entry `key`; its line is counted only where it is told."""
+    """The token at byte `at` of the entry `key`; its line is counted only for a message."""
     token = token_at(file.data, at)
     if token is None or token.kind == "odd":
         line = line_of(file.data, key.start)
@@ -56,9 +56,9 @@ def _behind_list(file: FoamFile, token: Token) -> int:
 
     Lists of words and strings are text there, too.
     """
-    found = _LIST.fullmatch(token.text) if file.binary else None
-    size = _SIZES.get(found[1]) if found is not None else None
-    if found is None or size is None:
+    match = _LIST.fullmatch(token.text) if file.binary else None
+    size = _SIZES.get(match[1]) if match is not None else None
+    if match is None or size is None:
         return token.end
     number, at = read_count(file, token.end, f"entries of {token.text}")
     if number == 0 or file.data[at : at + 2].strip()[:1] == b"{":
@@ -66,7 +66,7 @@ def _behind_list(file: FoamFile, token: Token) -> int:
     scalars, labels, others = size
     each = scalars * file.scalar.itemsize + labels * file.label.itemsize + others
     end = file.mark(at, "(") + number * each
-    if found[1] in _MAYBE_TEXT and file.data[end : end + 1] != b")":
+    if match[1] in _MAYBE_TEXT and file.data[end : end + 1] != b")":
         return at
     if end > len(file.data):
         raise file.error(at, f"{number} entries of {token.text}", "the end of the file")

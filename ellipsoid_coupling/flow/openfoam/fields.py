@@ -1,4 +1,4 @@
-"""Fields and patches of a checked case: what stands between the numbers, see `foam_files`.
+"""Fields and patches of a checked case: the text between the numbers, see `files`.
 
 Of a field, its dimensions, internalField and the type and value of every patch are taken. Everything
 else that a file may hold (expressions, code, other libraries' entries) is passed over and not run.
@@ -90,7 +90,7 @@ def read_boundary(path: Path, inside: int, faces: int) -> list[PatchFaces]:
 
 
 def _name(file: FoamFile, token: Token) -> str:
-    """The name of a patch: any word, or what stands between quotes."""
+    """The name of a patch: any word, or the text between quotes."""
     name = token.text.strip('"') if token.kind == "string" else token.text
     if token.kind not in ("word", "string") or not 0 < len(name) <= MOST_NAME:
         raise file.error(token.start, "the name of a patch", repr(token.text))

@@ -7,10 +7,10 @@ r"""Strict reading of OpenFOAM's mesh and field files: ascii or binary, packed b
     ...
     )
 
-Every number is looked at here before any library sees a file. A count is compared with what the mesh
-needs and with what the file holds before anything is made of that size, and no file is unpacked beyond
-what its count needs; what is not in the plain form that OpenFOAM writes is refused, with the line (in
-binary files: the byte) where it stands. Reading takes time and memory in proportion to the file.
+Every number is checked here before any library reads a file. A count is compared with the mesh and with
+the file's size before an array of that size is made, and no file is unpacked beyond the size that its
+count needs. Anything but the plain form that OpenFOAM writes is refused, with its line (in binary files:
+its byte). Reading takes time and memory in proportion to the file.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ _ENTRY = {
     1: re.compile(_NUMBER + rb"(?=[\s);}])"),
     3: re.compile(rb"\(\s*" + rb"\s+".join([_NUMBER] * 3) + rb"\s*\)"),
 }
-# So many entries are taken at once: their text is small beside the file.
+# Entries that are read at once: their text is small compared with the file.
 _BATCH = {
     width: re.compile(rb"(?:\s*" + entry.pattern + rb"){1,1000}") for width, entry in _ENTRY.items()
 }
 _FACES = re.compile(rb"(?:\s*\d{1,9}\s*\((?:\s*\d{1,9}(?=[\s)])){0,1000}\s*\)){1,1000}")
 _COUNT = re.compile(rb"\d{1,18}(?![\w.])")
-# What an entry of a list takes at most, in ascii with all digits, and what else a file has.
+# The most bytes of a list's entry, in ascii with all digits, and of the rest of a file.
 _ENTRY_BYTES = {"vectorField": 100, "labelList": 24, "faceList": 400, "faceCompactList": 400}
 _BEGINNING = 65_536
 _ARCH = re.compile(r'"?LSB;label=(32|64);scalar=(32|64)"?')
@@ -69,7 +69,7 @@ _SPARE_PARENTHESES = bytes.maketrans(b"()", b"  ")
 class FoamFile:
     """A file, unpacked, behind its header.
 
-    path : what it is called in messages
+    path : its name in messages
     data : all of it; start : the first byte behind the header
     kind : the header's class
     binary, label, scalar : how its numbers are stored
@@ -120,7 +120,7 @@ def packed(path: Path) -> Path | None:
 def open_file(path: Path, *kinds: str, most: int | None = None) -> FoamFile:
     """A file whose class is one of `kinds`; InputError for a missing, broken or other one.
 
-    most : bytes, unpacked; without it what the number of entries behind the header needs
+    most : bytes, unpacked; by default those that the number of entries in the header needs
     """
     expected = f"an OpenFOAM file {path.name}"
     there = packed(path)
@@ -188,10 +188,10 @@ def _header(path: Path, data: bytes) -> tuple[dict[str, str], int]:
 def read_count(file: FoamFile, at: int, what: str) -> tuple[int, int]:
     """A number of entries and the byte behind it."""
     at = after_space(file.data, at)
-    found = _COUNT.match(file.data, at)
-    if found is None:
+    match = _COUNT.match(file.data, at)
+    if match is None:
         raise file.error(at, f"the number of {what}", _excerpt(file, at))
-    return int(found[0]), found.end()
+    return int(match[0]), match.end()
 
 
 def read_numbers(
@@ -213,9 +213,9 @@ def read_numbers(
         return raw.astype(np.float64).reshape(number, width), file.mark(at, ")")
     parts: list[Array] = [np.zeros(0)]
     end, left = start, number * width
-    while left >= 0 and (found := _BATCH[width].match(file.data, end)):
-        parts.append(_parsed(found[0]))
-        end, left = found.end(), left - parts[-1].size
+    while left >= 0 and (match := _BATCH[width].match(file.data, end)):
+        parts.append(_parsed(match[0]))
+        end, left = match.end(), left - parts[-1].size
     _require_end(file, end, what)
     values = np.concatenate(parts).reshape(-1, width)
     if len(values) != number:
@@ -226,11 +226,11 @@ def read_numbers(
 def read_entry(file: FoamFile, at: int, width: int, what: str) -> tuple[Array, int]:
     """One scalar or vector in ascii, (width,), and the byte behind it."""
     at = after_space(file.data, at)
-    found = _ENTRY[width].match(file.data, at)
-    if found is None:
+    match = _ENTRY[width].match(file.data, at)
+    if match is None:
         kind = "a number" if width == 1 else "a vector (x y z)"
         raise file.error(at, f"{kind} for {what}", _excerpt(file, at))
-    return _parsed(found[0]), found.end()
+    return _parsed(match[0]), match.end()
 
 
 def read_labels(file: FoamFile, at: int, count: int | None, what: str) -> tuple[Index, int]:
@@ -263,9 +263,9 @@ def read_faces(file: FoamFile) -> tuple[Index, Index]:
     number, at = read_count(file, file.start, "faces")
     end = file.mark(at, "(")
     corners_of, sizes_of = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    while found := _FACES.match(file.data, end):
+    while match := _FACES.match(file.data, end):
         # 4(0 1 2 3) becomes 4 0 1 2 3 -1
-        text = found[0].replace(b")", b" -1 ").replace(b"(", b" ")
+        text = match[0].replace(b")", b" -1 ").replace(b"(", b" ")
         flat = _parsed(text).astype(np.int64)
         ends = np.flatnonzero(flat < 0)
         begins = np.concatenate(([0], ends[:-1] + 1))
@@ -275,7 +275,7 @@ def read_faces(file: FoamFile) -> tuple[Index, Index]:
         keep = flat >= 0
         keep[begins] = False
         corners_of.append(flat[keep])
-        end = found.end()
+        end = match.end()
     _require_end(file, end, "faces")
     sizes = np.concatenate(sizes_of)
     if sizes.size != number:

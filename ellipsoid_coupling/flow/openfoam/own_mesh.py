@@ -11,14 +11,14 @@ from ellipsoid_coupling.flow.openfoam.case import Mesh, read_mesh, write_mesh
 from ellipsoid_coupling.flow.openfoam.rules import PATCH_NAME
 from ellipsoid_coupling.flow.openfoam.times import Places
 
-# Pairs of patches would need what else a mesh says of them.
+# Pairs of patches would need further entries of the mesh.
 _ALONE = tuple(kind for kind in PATCH_TYPES if kind != "cyclic")
 
 
 def read_own_mesh(case: Path) -> Mesh:
     """constant/polyMesh of a case.
 
-    Raises InputError for a broken mesh, and for a patch whose type or name the solver shall not get.
+    Raises InputError for a broken mesh, and for a patch whose type or name is not passed to the solver.
     """
     folder = case / "constant" / "polyMesh"
     mesh = read_mesh(Places(folder, folder, folder))

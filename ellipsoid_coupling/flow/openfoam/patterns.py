@@ -60,9 +60,9 @@ def _atom(pattern: str, at: int, depth: int) -> tuple[Part, int]:
         if pattern[end : end + 1] != ")":
             raise ValueError("'(' that is not closed")
         return part, end + 1
-    found = _CLASS.match(pattern, at)
-    if found is not None:
-        return _character(re.compile(found[0], re.ASCII)), found.end()
+    match = _CLASS.match(pattern, at)
+    if match is not None:
+        return _character(re.compile(match[0], re.ASCII)), match.end()
     if first == "\\" and at + 1 < len(pattern) and not pattern[at + 1].isalnum():
         return _character(re.compile(re.escape(pattern[at + 1]))), at + 2
     if first in "*+?[]{}^$\\":

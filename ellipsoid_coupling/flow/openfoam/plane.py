@@ -10,7 +10,7 @@ from ellipsoid_coupling.flow.polygons import Index
 
 Array = NDArray[np.float64]
 
-# Files may hold single precision: what differs by less than this part of the whole is the same.
+# Relative; files may hold single precision, so numbers that differ by less are taken as equal.
 SINGLE = 1e-5
 
 
@@ -47,7 +47,7 @@ def _layers(points: Array) -> str:
 
 
 def _alike(flat: Array, level: Index, number: int) -> bool:
-    """Whether points (P, 2) on so many levels are the same on each."""
+    """Whether points (P, 2) are the same on each of the levels."""
     at = np.rint(flat / (SINGLE * max(float(np.ptp(flat)), 1e-300)))
     layers = at[np.lexsort((at[:, 1], at[:, 0], level))].reshape(number, -1, 2)
     return bool(np.all(np.bincount(level) == layers.shape[1]) and np.ptp(layers, axis=0).max() <= 1)

@@ -1,4 +1,4 @@
-"""Start one OpenFOAM program, follow its log, and say what went wrong in words."""
+"""Start one OpenFOAM program, follow its log, and explain its failure."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def openfoam_version() -> str:
     text = subprocess.run(
         command, env=foam_environment(), capture_output=True, text=True, check=False, cwd="/"
     ).stdout
-    found = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
-    return found[1] if found else "unknown"
+    match = re.search(r"Using: OpenFOAM\S* \(?([\w.]+)\)?", text)
+    return match[1] if match else "unknown"
 
 
 def run_program(
@@ -71,13 +71,13 @@ def run_program(
 ) -> Path:
     """Run one program in a case folder, its output in log.PROGRAM; return the log's path.
 
-    It ends with this process, however that ends, and takes with it what it has started.
+    It ends when this process ends, in whatever way, and so do the processes that it has started.
 
     Parameters
     ----------
     case : the case folder
     command : program and arguments, ``mpirun -np N`` before them for a parallel one
-    follow : gets what the log has grown by, while the program runs
+    follow : called with the new text of the log while the program runs
     walled : without network, and writing nowhere but in `case`, where the system can do that; where
         it cannot, the log begins with the reason, see `why_open`
 
@@ -142,7 +142,7 @@ def says(log: Path, text: str) -> bool:
 
 
 def failed(what: str, log: Path) -> RunError:
-    """The error that quotes a log: what happened, its last lines, its path."""
+    """The error for a failed program: a message, the last lines of its log, and the log's path."""
     with log.open("rb") as file:
         file.seek(max(log.stat().st_size - _TAIL_BYTES, 0))
         tail = file.read(_TAIL_BYTES).decode(errors="replace")

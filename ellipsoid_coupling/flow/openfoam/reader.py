@@ -1,9 +1,9 @@
 """Read solved plane OpenFOAM cases: case folders by pyvista, foamToVTK's files by meshio.
 
 pyvista and meshio are imported in this file only, and only when a case is read: importing them
-takes longer than computing a small scene. Both know single precision only, or what a file says; so
-coordinates and fields are the case's own, in double precision, and what a library gets of them is
-measured from the mesh's lower corner.
+takes longer than computing a small scene. Both convert to single precision, or keep the precision of a
+file. So coordinates and fields are read from the case in double precision, and the libraries get
+coordinates relative to the mesh's lower corner.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from ellipsoid_coupling.flow.stream_function import Patch
 
 Array = NDArray[np.float64]
 
-# What a user may name to mean the case around it.
+# Paths that stand for the case around them.
 _CASE_FILES = (".foam", ".OpenFOAM")
 _VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
 
@@ -55,7 +55,7 @@ class _Cells(NamedTuple):
 
 
 class _Raw(NamedTuple):
-    """What both formats give: points, cells, fields, patches (centres, velocity), all 3-D.
+    """The contents of both formats: points, cells, fields, patches (centres, velocity), all 3-D.
 
     corner (3,) : the place in the case from which points and centres are measured
     """
@@ -68,7 +68,7 @@ class _Raw(NamedTuple):
 
 
 def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
-    """The flow at a path: a case, one of its times, or what foamToVTK wrote of one.
+    """The flow at a path: a case, one of its times, or the output of foamToVTK for one.
 
     A case may be named by its folder, a .foam or .OpenFOAM file in it, system/controlDict, or a
     time's folder. Parameters and errors as `read_case` and `read_vtk`.
@@ -103,7 +103,7 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
 
 
 def read_vtk(folder: Path, *, allow_misfit: bool = False) -> FlowField:
-    """The flow in what foamToVTK wrote, its last time: internal.vtu and boundary/*.vtp.
+    """The flow in the output of foamToVTK, its last time: internal.vtu and boundary/*.vtp.
 
     `folder` is that time's folder, the VTK folder, or the case. The rest as `read_case`.
     """
@@ -242,7 +242,7 @@ def _read_vtu(step: Path) -> _Raw:
     path = step / "internal.vtu"
     check_internal(path)
     try:
-        # What it says of a file quotes it, markup for terminals included.
+        # Its messages quote the file, markup for terminals included.
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio ends the program on some unreadable files

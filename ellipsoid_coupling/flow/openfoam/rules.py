@@ -1,4 +1,4 @@
-"""Rules that a dictionary's entries must meet, each of which writes anew what it has found.
+"""Rules that a dictionary's entries must meet; each writes its entry anew from the values read.
 
     RULES = {"solver": choice("PCG", "GAMG"), "tolerance": real(0.0, 1.0)}
     entries(section, RULES)  ->  ["solver PCG;", "tolerance 1e-06;"]

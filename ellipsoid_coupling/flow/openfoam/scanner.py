@@ -1,6 +1,6 @@
 """One walk over the text of an OpenFOAM dictionary: blanks, comments, words, numbers and strings.
 
-OpenFOAM's own grammar is much larger. What is not read here is refused with file and line.
+OpenFOAM's own grammar is much larger. Everything else is refused with file and line.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Scanner:
         self.source, self.text, self.at = source, source.text, 0
 
     def skip(self) -> int:
-        """Go to what is neither blank nor comment."""
+        """Go past blanks and comments."""
         start = self.at
         while True:
-            found = _SPACE.match(self.text, self.at)
-            self.at = found.end() if found else self.at
+            match = _SPACE.match(self.text, self.at)
+            self.at = match.end() if match else self.at
             opening = self.text[self.at : self.at + 2]
             if opening not in ("//", "/*"):
                 return self.at
@@ -73,7 +73,7 @@ class Scanner:
         raise self.source.error(at, "plain words, numbers, lists and dictionaries", found)
 
     def odd(self) -> NoReturn:
-        """Refuse what stands here, by the name that its reader knows it by."""
+        """Refuse the text at this byte, under the name that its reader gives it."""
         rest = self.text[self.at : self.at + 40]
         directive = _DIRECTIVE.match(rest)
         if not rest:
@@ -100,12 +100,12 @@ class Scanner:
 
     def token(self, pattern: re.Pattern[str]) -> str:
         """The text that the pattern matches here, refused unless a blank or a mark is behind it."""
-        found = pattern.match(self.text, self.at)
-        if found is None or not found[0]:
+        match = pattern.match(self.text, self.at)
+        if match is None or not match[0]:
             self.odd()
-        self._bounded(found.end())
-        self.at = found.end()
-        return found[0]
+        self._bounded(match.end())
+        self.at = match.end()
+        return match[0]
 
     def _bounded(self, end: int) -> None:
         behind = self.text[end : end + 1]
@@ -116,11 +116,11 @@ class Scanner:
         """A word up to a blank or a mark, or to the parenthesis that closes a list around it."""
         start = self.skip()
         # No further than a word may go: for each word of a list without blanks, all of it would match.
-        found = _WORD.match(self.text, start, start + MOST_NAME + 1)
-        if found is None:
+        match = _WORD.match(self.text, start, start + MOST_NAME + 1)
+        if match is None:
             self.odd()
-        depth, end = 0, found.end()
-        for at in range(start, found.end()):
+        depth, end = 0, match.end()
+        for at in range(start, match.end()):
             depth += (self.text[at] == "(") - (self.text[at] == ")")
             if depth < 0:
                 depth, end = 0, at
@@ -128,7 +128,7 @@ class Scanner:
         if end - start > MOST_NAME:
             self.refuse(start, f"a word of more than {MOST_NAME} characters")
         if depth > 0:
-            self.refuse(start, f"a word without its last parenthesis, {found[0][:40]!r}")
+            self.refuse(start, f"a word without its last parenthesis, {match[0][:40]!r}")
         self._bounded(end)
         self.at = end
         return self.text[start:end], start
@@ -143,8 +143,8 @@ class Scanner:
     def string(self) -> str:
         """One line of plain characters between double quotes."""
         start = self.at
-        found = _PLAIN.match(self.text, start + 1)
-        end = found.end() if found else start
+        match = _PLAIN.match(self.text, start + 1)
+        end = match.end() if match else start
         if self.text[end : end + 1] != '"' or end - start > _LONGEST_STRING:
             self.refuse(start, "a string that is not one line of plain characters")
         self.at = end + 1

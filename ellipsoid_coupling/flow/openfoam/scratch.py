@@ -1,8 +1,8 @@
-"""Folders that a solver works in, next to where their content goes, and that nobody leaves behind.
+"""Folders that a solver works in, beside the target of their contents, and removed in any case.
 
 A folder's name is random, so that two processes, or two containers with one cache and equal process ids,
-never work in the same one. Its owner holds a lock on a file beside it. Who finds such a file without a
-holder removes both: the owner was killed.
+never work in the same one. Its owner holds a lock on a file beside it. If nobody holds that lock, the owner
+was killed, and the next process removes folder and file.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def scratch_folder(target: Path) -> Iterator[Path]:
 
 
 def move_to(folder: Path, target: Path) -> None:
-    """Move a scratch folder to its place, whole or not at all; keep what somebody else put there."""
+    """Move a scratch folder to its target, completely or not at all; a folder already there stays."""
     with contextlib.suppress(OSError):
         folder.rename(target)
         return
@@ -91,7 +91,7 @@ def _claim(place: Path, name: str) -> tuple[Path, Path, int]:
         folder = place / f".{name}.{secrets.token_hex(8)}"
         lock = folder.with_name(f"{folder.name}.lock")
         handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
-        with contextlib.suppress(OSError):  # a file system without locks: nobody sweeps there
+        with contextlib.suppress(OSError):  # a file system without locks: nothing is removed
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(handle).st_nlink:
             return folder, lock, handle

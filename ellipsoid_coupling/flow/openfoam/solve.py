@@ -1,8 +1,8 @@
 """Solve an OpenFOAM case: write it, mesh, start from a coarser solution, run to rest, stream function.
 
 A case folder is laid out as ``foam_cases/cavity`` is: ``0.orig`` (or ``0``), ``constant`` and ``system``,
-where ``system/parameters`` may hold `cells` and `atRest`. OpenFOAM does not get the case's own files but
-what `trust` has written from them.
+where ``system/parameters`` may hold `cells` and `atRest`. OpenFOAM gets files that
+`trust` has written from the case's own.
 
 Seconds to rest, all programs included, on two cores (the best of four; icoFoam alone took 28 s at
 100 cells with 700 small steps, two correctors and a Gauss-Seidel smoother for U, see
@@ -13,20 +13,17 @@ Seconds to rest, all programs included, on two cores (the best of four; icoFoam 
     from half the cells, mapped     1.6     2.6      3.3      3.5     28.9
 
 So a coarser solution is mapped from `MAPPED_FROM` cells on; the coarser run uses one process. It is
-solved beside the finer one and not taken from the cache: what lies there may be somebody else's, and
+solved beside the finer one and not taken from the cache: a folder there may be somebody else's, and
 mapFields would read its dictionaries.
 """
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
 import secrets
 import shutil
-import stat
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,29 +32,32 @@ from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.files.cache import cache_home
 from ellipsoid_coupling.files.limits import (
     BYTES_PER_FLUID_CELL,
-    MOST_CASE_FILE_BYTES,
-    MOST_CASE_FILES,
     MOST_SCENE_BYTES,
     in_words,
     memory_limit,
 )
-from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary, read_bytes, read_text
-from ellipsoid_coupling.flow.cases import BUILT_IN
+from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary, read_text
 from ellipsoid_coupling.flow.openfoam.case import read_points
-from ellipsoid_coupling.flow.openfoam.files import packed
 from ellipsoid_coupling.flow.openfoam.own_mesh import write_own_mesh
 from ellipsoid_coupling.flow.openfoam.plane import thin_axis
 from ellipsoid_coupling.flow.openfoam.programs import (
     Follow,
     failed,
     mpi_starts,
-    openfoam_version,
     require_openfoam,
     run_program,
     says,
     why_open,
 )
 from ellipsoid_coupling.flow.openfoam.scratch import cleaned_up, move_to, scratch_folder
+from ellipsoid_coupling.flow.openfoam.solved_cases import (
+    MARK,
+    case_folder,
+    content_hash,
+    inputs_hash,
+    is_solved,
+    solved_folder,
+)
 from ellipsoid_coupling.flow.openfoam.trust import (
     LEFT_OUT,
     PlainCase,
@@ -69,47 +69,28 @@ from ellipsoid_coupling.flow.openfoam.trust import (
 Report = Callable[[str, float], None]
 
 _FEWEST_CELLS = 4
-_LONGEST_NAME = 60
-# Entries of system/parameters that are told apart from a case's content.
-_COUNTS = re.compile(rb"(?m)^(cells|processes)[ \t]+[0-9.]+[ \t]*;")
-# What a solved case is recognised by: written last, holds the hash of the case's inputs.
-MARK = "case.foam"
-# What a failed run that was kept is recognised by: holds the message.
+# The file that marks a kept folder of a failed run: holds the message.
 FAILED = "failed.txt"
 # Below this many cells a coarser run saves less than meshing it and mapping it costs.
 MAPPED_FROM = 80
 COARSE_SHARE = 0.25
-# What the case's function object writes into the log when it ends the run.
+# Written into the log by the case's function object when it ends the run.
 AT_REST = "velocity condition satisfied"
-# What streamFunction writes into the log before it computes a wrong one.
+# Written into the log by streamFunction before it computes a wrong one.
 NO_START = "Zero flux boundary face not found"
-
-
-def case_folder(case: str | Path) -> Path:
-    """The folder of a built-in case, or of the case at a path; InputError if it is neither."""
-    known = sorted(folder.parent.name for folder in BUILT_IN.glob("*/system"))
-    folder = BUILT_IN / case if str(case) in known else Path(case)
-    for name in input_folders(folder):
-        if not is_folder(folder / name):
-            missing = "0.orig or 0" if name == "0" else name
-            raise InputError(
-                str(case), f"a built-in case ({', '.join(known)}) or a folder with 0.orig (or 0), "
-                "constant and system", f"no {missing} in {folder}", "Correct the name or the path.",
-            )  # fmt: skip
-    return folder
 
 
 def parameter(folder: Path, name: str) -> str:
     """One entry of a case's system/parameters; InputError where it is missing."""
     path = folder / "system" / "parameters"
     text = read_text(path, "numbers of a case", MOST_SCENE_BYTES) if is_ordinary(path) else ""
-    found = re.search(rf"(?m)^{name}\s+([^;]+);", text)
-    if not found:
+    match = re.search(rf"(?m)^{name}\s+([^;]+);", text)
+    if not match:
         raise InputError(
             str(path), f"an entry '{name} VALUE;'", "none",
             "Lay the case out as foam_cases/cavity is.",
         )  # fmt: skip
-    return found[1].strip()
+    return match[1].strip()
 
 
 def _number(folder: Path, name: str, below: float) -> float:
@@ -134,111 +115,6 @@ def _set_parameter(folder: Path, name: str, value: int) -> None:
     path.write_text(re.sub(rf"(?m)^{name}\s+[^;]+;", f"{name} {value};", text), encoding="utf-8")
 
 
-def inputs_hash(folder: Path, cells: int, content: str = "") -> str:
-    """A hash of everything that the solution depends on; the number of processes is not in it.
-
-    content : of the case's files, where it is known
-    """
-    content = content or content_hash(folder)
-    return hashlib.sha256(f"{cells} {openfoam_version()} {content}".encode()).hexdigest()[:16]
-
-
-def content_hash(folder: Path) -> str:
-    """A hash of a case's files, but for the numbers of cells and processes."""
-    digest = hashlib.sha256()
-    left, makes_mesh = MOST_CASE_FILE_BYTES, packed(folder / "system" / "blockMeshDict") is not None
-    for part in input_folders(folder):
-        for path in _files_below(folder / part):
-            name = path.relative_to(folder)
-            if path.is_file() and not (makes_mesh and LEFT_OUT in name.parts):
-                content = read_bytes(path, "a file of a case", left)
-                left -= len(content)
-                if path.name == "parameters":
-                    content = _COUNTS.sub(b"", content)
-                # With the length, so that no file's content can pass for two files.
-                digest.update(os.fsencode(name) + b"\0%d\0" % len(content) + content)
-    return digest.hexdigest()
-
-
-def _files_below(folder: Path) -> list[Path]:
-    """What lies in a folder and below, links to other folders followed; InputError for too much."""
-    found: list[Path] = []
-    for place, folders, files in os.walk(folder, followlinks=True):
-        found += [Path(place, name) for name in (*folders, *files)]
-        if len(found) > MOST_CASE_FILES:
-            raise InputError(
-                str(folder), f"at most {MOST_CASE_FILES} files", "more",
-                "Name the case alone, without other data in its folders.",
-            )  # fmt: skip
-    return sorted(found)
-
-
-def solved_folder(case: str | Path, cells: int, content: str = "") -> Path:
-    """Where the cache keeps, or would keep, the solution; RunError without OpenFOAM.
-
-    A cache that cannot be written serves what it has; the rest lies among this user's temporary files.
-
-    content : a hash of the case's files, where it is known
-    """
-    source = case_folder(case)
-    name = f"{_plain_name(source.name)}-{cells}-{inputs_hash(source, cells, content)}"
-    kept = cache_home() / "flows" / name
-    return kept if is_solved(kept) or _is_writable(kept.parent) else _private_folder() / name
-
-
-def kept_folders(name: str, cells: int) -> list[Path]:
-    """All solutions that the cache keeps of cases of that name; no program is started."""
-    places = [cache_home() / "flows"]
-    places += [_private_folder()] if _private_place().exists() else []
-    return [
-        found for place in places
-        for found in sorted(place.glob(f"{_plain_name(name)}-{cells}-*")) if is_solved(found)
-    ]  # fmt: skip
-
-
-def _plain_name(name: str) -> str:
-    """A case's name as part of a folder's, where OpenFOAM shall find it."""
-    return re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:_LONGEST_NAME]
-
-
-def _is_writable(folder: Path) -> bool:
-    """Whether a folder can be written to, or made."""
-    there = folder.absolute()
-    while not there.exists() and there != there.parent:
-        there = there.parent
-    try:
-        with tempfile.TemporaryFile(dir=there):
-            return True
-    except OSError:
-        return False
-
-
-def _private_place() -> Path:
-    return Path(tempfile.gettempdir()) / f"ellipsoid_coupling-{os.geteuid()}"
-
-
-def _private_folder() -> Path:
-    """A folder among the temporary files that is this user's alone."""
-    folder = _private_place()
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o022:
-        raise InputError(
-            str(folder), "a folder that is this user's alone", "another",
-            "Set ELLIPSOID_CACHE to a folder that can be written.",
-        )  # fmt: skip
-    return folder
-
-
-def is_solved(folder: Path, key: str | None = None) -> bool:
-    """Whether `solve_case` made this folder, to its end (and from the inputs with this hash)."""
-    mark = folder / MARK
-    if not is_ordinary(mark):
-        return False
-    made_from = read_bytes(mark, "the mark of a solved case", MOST_SCENE_BYTES).strip()
-    return key is None or made_from == key.encode()
-
-
 def solve_case(
     case: str | Path,
     cells: int | None = None,
@@ -259,9 +135,9 @@ def solve_case(
     report : called with the stage, "flow CASE, N cells: what", and the fraction done, 0 to 1
     trust : give the case's own files to OpenFOAM, which runs what they ask for, see `openfoam.trust`
 
-    Raises InputError for what is no such case, or holds more than a plane laminar case needs and is not
-    trusted; RunError if OpenFOAM is missing, a program fails or the flow has not come to rest at endTime.
-    The failed run is kept beside the result's place.
+    Raises InputError for a folder that is no such case, or for an untrusted case with more than a plane
+    laminar case needs; RunError if OpenFOAM is missing, a program fails or the flow has not come to rest
+    at endTime. The failed run is kept beside the result's folder.
     """
     source = case_folder(case)
     _check_processes(str(case), processes)
@@ -296,7 +172,7 @@ def solve_case(
 
 @dataclass(frozen=True)
 class _Solving:
-    """What is to be solved: the case, its content, its numbers, and what was understood of it."""
+    """One solution to compute: the case, its content, its numbers, and its files as they were read."""
 
     source: Path
     content: str
@@ -323,7 +199,7 @@ def _check_processes(case: str, processes: int) -> None:
 
 
 def _check_place(source: Path, out: Path | None) -> None:
-    """InputError for a place among the files that the case is made of."""
+    """InputError for an output folder among the files of the case itself."""
     parts = [(source / name).resolve() for name in input_folders(source)]
     if out is not None and any(out.resolve().is_relative_to(part) for part in parts):
         raise InputError(
@@ -333,7 +209,7 @@ def _check_place(source: Path, out: Path | None) -> None:
 
 
 def _check_size(case: str, cells: int, mesh_cells: float) -> None:
-    """InputError for a mesh that is none, or that this machine cannot hold."""
+    """InputError for too few cells, or for a mesh that this machine cannot hold."""
     if cells < _FEWEST_CELLS:
         raise InputError(case, f"at least {_FEWEST_CELLS} cells", f"{cells} cells", "Take more.")
     needed, limit = mesh_cells * BYTES_PER_FLUID_CELL, memory_limit()
@@ -345,11 +221,11 @@ def _check_size(case: str, cells: int, mesh_cells: float) -> None:
 
 
 def _silent(stage: str, fraction: float) -> None:
-    """The report of a caller who wants none."""
+    """The report for callers without one."""
 
 
 def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
-    """Solve in a folder of its own and move it to the target, so that no half of one is found."""
+    """Solve in a scratch folder and move it to the target, so that nobody finds half a solution."""
     with scratch_folder(target) as scratch:
         try:
             _run_to_rest(scratch, solving, tell)
@@ -364,7 +240,7 @@ def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
             raise RunError(f"{solving.source} has changed while it was solved. Solve it again.")
         key = inputs_hash(solving.source, solving.cells, solving.content)
         (scratch / MARK).write_text(key + "\n", encoding="utf-8")
-        # Where somebody else was faster, theirs is as good.
+        # A solution that somebody else has moved there first is as good, and stays.
         move_to(scratch, target)
     if not is_solved(target):
         raise RunError(f"The solved case could not be moved to {target}; is the disk full?")
@@ -375,7 +251,7 @@ def _failed_place(target: Path) -> Path:
     kept = target.with_name(f"{target.name}-failed")
     if is_ordinary(kept / FAILED) and not kept.is_symlink():
         shutil.rmtree(kept, ignore_errors=True)
-    # Whatever else is called so is not ours.
+    # Anything else of that name is not ours.
     return kept.with_name(f"{kept.name}-{secrets.token_hex(4)}") if exists(kept) else kept
 
 
@@ -399,7 +275,7 @@ def _prepare(solving: _Solving, scratch: Path) -> None:
 
 
 def _not_copied(folder: str, names: list[str]) -> list[str]:
-    """Of names in a folder: the mesh, and what is neither file nor folder, as links to nowhere are."""
+    """Among names in a folder: the mesh, and those of neither files nor folders (broken links)."""
     paths = {name: Path(folder, name) for name in names}
     return [
         name for name, path in paths.items()
@@ -424,7 +300,7 @@ def _run_to_rest(case: Path, solving: _Solving, tell: Report) -> None:
     has_mesh = solving.plain is not None and solving.plain.mesh is not None
     why = why_open(run("icoFoam", "-help") if has_mesh else run("blockMesh"))
     if solving.plain is not None:
-        # Before hours go by: no flow can be read from another mesh.
+        # Refused before hours go by: no flow can be read from another mesh.
         thin_axis(read_points(case / "constant" / LEFT_OUT), str(solving.source))
     if coarser is not None:
         run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")

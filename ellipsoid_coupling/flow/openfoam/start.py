@@ -129,7 +129,7 @@ def start_field(section: Section, name: str, patches: Mapping[str, str]) -> list
         items_of(section, needed)
     boundary = subsection(section, "boundaryField")
     for patch, patch_type in patches.items():
-        # OpenFOAM knows walls, and patches that can be but one thing, by their type as well.
+        # OpenFOAM recognises walls, and patches with a single possible condition, by their type as well.
         groups = {patch} | ({patch_type} - {"patch"})
         if patch_type != "empty" and not groups & boundary.entries.keys():
             found = f"none for the patch {patch}"

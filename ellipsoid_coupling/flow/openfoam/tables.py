@@ -1,4 +1,4 @@
-"""What a plane laminar case needs: the entries of its dictionaries, and the values each may have."""
+"""The dictionaries of a plane laminar case: their entries, and the values that each may have."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ SCHEMES: Rules = {
         ),
         _TERMS,
     ),
-    # Names alone: p; and of no use since the solvers know it.
+    # Names alone, such as p; the solvers do not need it.
     "fluxRequired": dict.fromkeys(("default", "p", "U", "Phi", "pcorr"), dropped),
 }  # fmt: skip
 
@@ -97,7 +97,7 @@ _LINEAR: Rules = {
     "agglomerator": choice("faceAreaPair", "algebraicPair"),
 }
 _NUMBERS: Rules = dict.fromkeys(("p", "U", "Phi", "k", "epsilon", "omega", "R", "nuTilda"), dropped)
-# What icoFoam does not look at is known, so that cases for several solvers pass, and left out.
+# Entries that icoFoam ignores are known and left out, so that cases for several solvers pass.
 _UNUSED: Rules = dict.fromkeys(
     (
         "nNonOrthogonalCorrectors", "nCorrectors", "nOuterCorrectors", "momentumPredictor",
@@ -199,7 +199,7 @@ def _end_at(at_rest: float) -> list[str]:
 
 
 def solution(section: Section) -> list[str]:
-    """system/fvSolution as lines; InputError where it has no solver for what icoFoam solves."""
+    """system/fvSolution as lines; InputError if it lacks a solver for a field of icoFoam."""
     solvers = subsection(section, "solvers")
     for needed in ("p", "pFinal", "U"):
         subsection(solvers, needed)

@@ -32,7 +32,7 @@ class Chosen(NamedTuple):
     places : where it and its mesh lie
     before : the folder of the solved time before it, None if there is none
     only_start : whether nothing was solved after this time, with which a run usually begins
-    note : what `FlowField.origin` says of it: "time 8, the last of 41"
+    note : its description in `FlowField.origin`: "time 8, the last of 41"
     """
 
     places: Places
@@ -57,7 +57,7 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
         raise _no_velocity(case, times, wanted)
     time = solved[-1] if wanted is None else wanted
     only_start = len(solved) == 1 and float(time) <= 0.0
-    # What a run began with is no solution.
+    # The fields at the start of a run are no solution.
     counted = solved[1:] if float(solved[0]) <= 0.0 and len(solved) > 1 else solved
     note = f"time {time}"
     if only_start:
@@ -84,7 +84,7 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
     Points may be newer than faces, where the mesh moves; the second is the newer one's time.
     """
     up_to = [other for other in times if float(other) <= float(time)]
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     newest: str | None = None
     for part in ("points", "faces"):
         with_part = [t for t in up_to if packed(case / t / "polyMesh" / part) is not None]
@@ -95,8 +95,8 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
                 "Name the folder that holds constant, system and the times; mesh and solve it.",
             )  # fmt: skip
         newest = newest or (with_part[-1] if with_part else None)
-        found[part] = folder
-    return Places(case / time, found["points"], found["faces"]), newest
+        folders[part] = folder
+    return Places(case / time, folders["points"], folders["faces"]), newest
 
 
 def _no_velocity(case: Path, times: list[str], wanted: str | None) -> InputError:

@@ -5,8 +5,8 @@
     code #{ int i; #};           ->   word code, verbatim #{ int i; #}, mark ;
     #include "parameters"        ->   directive #include, string "parameters"
 
-Parentheses are marks of their own, also where OpenFOAM takes them into a word: div(phi,U). What no
-dictionary has (a lone quote, a zero byte, an end within a string) is the token `odd`, the last one.
+Parentheses are marks of their own, also where OpenFOAM takes them into a word: div(phi,U). Text that
+no dictionary has (a lone quote, a zero byte, an end within a string) is the token `odd`, the last one.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _WORD = re.compile(rb"[^\s{}()\[\]\"'/;#$\\\x00-\x20][^\s{}()\[\]\"'/;#\\\x00-\x
 _IN_STRING = re.compile(rb"[\"\\]")
 _OPENING = re.compile(rb"[\"/#]")
 _MARKS = b"{}()[];"
-# A comment's place is kept, so that what follows stays in its line and at its byte.
+# Comments become blanks, so that the rest keeps its lines and bytes.
 _BLANKS = bytes(10 if byte == 10 else 32 for byte in range(256))
 
 
@@ -57,9 +57,9 @@ def name_at(data: bytes, start: int) -> Token | None:
     end, depth = token.end, 0
     while True:
         mark = data[end : end + 1]
-        found = _NAME_PART.match(data, end)
-        if found is not None:
-            end = found.end()
+        match = _NAME_PART.match(data, end)
+        if match is not None:
+            end = match.end()
         elif mark == b"(" or (mark == b")" and depth > 0):
             depth += 1 if mark == b"(" else -1
             end += 1
@@ -80,8 +80,8 @@ def tokens(data: bytes) -> Iterator[Token]:
 def after_space(data: bytes, start: int) -> int:
     """The first byte from `start` on that is neither blank nor in a comment that ends."""
     while True:
-        found = _GAP.match(data, start)
-        start = start if found is None else found.end()
+        match = _GAP.match(data, start)
+        start = start if match is None else match.end()
         end = _comment_end(data, start)
         if end <= start:
             return start
@@ -94,8 +94,8 @@ def without_comments(data: bytes) -> bytes:
     Behind a string, a comment or a #{ that never ends nothing is changed.
     """
     pieces, done, at = [], 0, 0
-    while found := _OPENING.search(data, at):
-        start = found.start()
+    while match := _OPENING.search(data, at):
+        start = match.start()
         end = _comment_end(data, start)
         if end > start:
             pieces += [data[done:start], data[start:end].translate(_BLANKS)]
@@ -113,7 +113,7 @@ def line_of(data: bytes, at: int) -> int:
 
 
 def _kind_at(data: bytes, start: int) -> tuple[Kind, int]:
-    """What begins at byte `start`, and the byte behind it."""
+    """The token that begins at byte `start`, and the byte behind it."""
     first = data[start : start + 1]
     if first in _MARKS:
         return "mark", start + 1
@@ -146,16 +146,16 @@ def _comment_end(data: bytes, start: int) -> int:
 def _string_end(data: bytes, start: int) -> int:
     """The byte behind the string that opens at `start`; -1 if it does not close."""
     at = start + 1
-    while found := _IN_STRING.search(data, at):
-        if found[0] == b'"':
-            return found.end()
-        at = found.end() + 1
+    while match := _IN_STRING.search(data, at):
+        if match[0] == b'"':
+            return match.end()
+        at = match.end() + 1
     return -1
 
 
 def _variable_end(data: bytes, start: int) -> int:
     """The byte behind a variable: $name, ${name}, or such parts one after another."""
     end = start + 1
-    while found := _NAME_PART.match(data, end) or _BRACED.match(data, end):
-        end = found.end()
+    while match := _NAME_PART.match(data, end) or _BRACED.match(data, end):
+        end = match.end()
     return end

@@ -1,13 +1,13 @@
-"""Who gets in: a case is read into plain values, and the solver gets files written anew from these.
+"""Untrusted cases: a case is read into plain values, and the solver gets files written anew from these.
 
 OpenFOAM's dictionaries can hold C++ that it compiles, load libraries, call the shell, take in other
-files, delete and write elsewhere. To look for all of that means to read them as OpenFOAM does, in every
-corner. So OpenFOAM never reads a stranger's dictionary: `plain_case` parses each file that a plane laminar
-case needs (`foam_dictionary`: words, numbers, lists, dictionaries), checks every entry against the list
-of those known (`foam_tables`, `foam_blocks`, `foam_start`) and writes each file from what it has found.
+files, delete and write elsewhere. To detect all of that a reader would have to match OpenFOAM's in every
+detail. So OpenFOAM never reads a stranger's dictionary: `plain_case` parses each file that a plane laminar
+case needs (`dictionary`: words, numbers, lists, dictionaries), checks every entry against the list
+of those known (`tables`, `blocks`, `start`) and writes each file from the values that it has read.
 No byte of the case is passed on. A second wall stands around the solver, see `confine`.
 
-The package's own cases take the same way. Whoever has read a case may ask for its own files, `--trust`.
+The package's own cases take the same way. A user who has read a case can pass its own files on, `--trust`.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def input_folders(case: Path) -> tuple[str, str, str]:
 
 
 def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
-    """The files of a run, written from what was understood of the case's.
+    """The files of a run, written from the values of the case's own.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -47,7 +47,7 @@ _BLANK = re.compile(rb"\s")
 _BLANKS = b" \t\r\n"
 # foamToVTK writes some dozen tags of less than 200 bytes, and little text that is in no array.
 _MOST_TAGS, _LONGEST_TAG, _OTHER_TEXT = 2_000, 4_096, 1_000_000
-# A number in ascii with a blank, and what may stand around those of an array.
+# Bytes of a number in ascii with a blank, and of the text around those of an array.
 _NUMBER_BYTES, _AROUND = 32, 1_000
 _PIECE = 1 << 20
 
@@ -81,12 +81,12 @@ class _Piece:
         """The arrays of a section by name; none where it is missing."""
         parts = self.element.findall(section)
         arrays = parts[0].findall("DataArray") if parts else []
-        found = {array.get("Name", "none"): array for array in arrays}
-        if len(parts) > 1 or len(found) < len(arrays):
+        by_name = {array.get("Name", "none"): array for array in arrays}
+        if len(parts) > 1 or len(by_name) < len(arrays):
             raise self.error(section, "each section and each array once", "one twice")
-        return found
+        return by_name
 
-    def decoded(self, section: str, name: str, rows: int, width: int) -> NDArray[Any]:
+    def decoded(self, section: str, name: str, rows: int, width: int) -> NDArray[np.generic]:
         """An array of a section, (rows, width); InputError where it is missing, broken or another."""
         place, element = f"{section} {name}", self.arrays(section).get(name)
         if element is None:
@@ -206,7 +206,9 @@ def _marks(data: bytes) -> _Marks:
     return _Marks(b"".join(tags), spans)
 
 
-def _decode(piece: _Piece, place: str, element: ElementTree.Element, count: int) -> NDArray[Any]:
+def _decode(
+    piece: _Piece, place: str, element: ElementTree.Element, count: int
+) -> NDArray[np.generic]:
     """The numbers of an array, flat; InputError where they are more than `count`."""
     kind, form = _TYPES.get(element.get("type", "")), element.get("format")
     text = piece.texts[element]
@@ -222,14 +224,16 @@ def _decode(piece: _Piece, place: str, element: ElementTree.Element, count: int)
         raw = base64.b64decode(text.translate(None, _BLANKS), validate=True)
     except (binascii.Error, ValueError) as error:
         raise piece.error(place, "base64", str(error)) from None
-    told = int.from_bytes(raw[: piece.header], "little")
-    if told != len(raw) - piece.header or told % size:
+    stated = int.from_bytes(raw[: piece.header], "little")
+    if stated != len(raw) - piece.header or stated % size:
         found = f"{len(raw) - piece.header}"
-        raise piece.error(place, f"{told} bytes, as its header says", found)
+        raise piece.error(place, f"{stated} bytes, as its header says", found)
     return np.frombuffer(raw, kind, offset=piece.header)
 
 
-def _ascii(piece: _Piece, place: str, text: bytes, kind: np.dtype[Any], count: int) -> NDArray[Any]:
+def _ascii(
+    piece: _Piece, place: str, text: bytes, kind: np.dtype[np.generic], count: int
+) -> NDArray[np.generic]:
     """Numbers in ascii; a megabyte of text at a time, as each number is an object in between."""
     if len(text) > _NUMBER_BYTES * count + _AROUND:
         raise piece.error(place, f"{count} numbers", f"{in_words(len(text))} of text")
@@ -247,10 +251,11 @@ def _ascii(piece: _Piece, place: str, text: bytes, kind: np.dtype[Any], count: i
 
 def _indices(piece: _Piece, section: str, name: str, rows: int, below: int) -> NDArray[np.int64]:
     """An array of whole numbers from 0 on, (rows,)."""
-    values = piece.decoded(section, name, rows, 1)[:, 0]
-    if values.dtype.kind not in "iu" or np.any((values < 0) | (values >= below)):
+    decoded = piece.decoded(section, name, rows, 1)[:, 0]
+    values = decoded.astype(np.int64)
+    if decoded.dtype.kind not in "iu" or np.any((values < 0) | (values >= below)):
         raise piece.error(f"{section} {name}", f"whole numbers from 0 to {below - 1}", "others")
-    return values.astype(np.int64)
+    return values
 
 
 def _check_corners(piece: _Piece, section: str, sizes: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -102,6 +102,8 @@ class SampleInteraction:
         Nodes within the width D.
     harmonics : int
         M.
+    precision : float32 or float64
+        Of the transforms.
     spectra_bytes : float
         Of samples all over the rectangle; fewer where they are closer together.
 
@@ -132,15 +134,15 @@ class SampleInteraction:
         _require(series is not None, shape, tolerance)
         assert series is not None
         self.harmonics = series.harmonics
-        self._precision = precision_for(tolerance, h * h, shape.size, strength)
+        self.precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
-        kernel = AngularKernel(series, strength / h**2, self._precision, POTENTIAL, _undo_splines)
+        kernel = AngularKernel(series, strength / h**2, self.precision, POTENTIAL, _undo_splines)
         cells = self.nodes.rows, self.nodes.columns
         spectra = FittedSpectra(cells, kernel.cells + _TAIL, kernel)
         rows, columns = spectra.longest
-        bytes_each = np.dtype(self._precision).itemsize
+        bytes_each = np.dtype(self.precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
-        self._convolve = Convolution(spectra, self._precision, POTENTIAL)
+        self._convolve = Convolution(spectra, self.precision, POTENTIAL)
         self._pool = BufferPool()
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
@@ -163,14 +165,14 @@ class SampleInteraction:
         # Masses 1/S of all samples, also of those that left the rectangle.
         sources = deposit(here, nodes, functions, 1.0 / slots.size, pool)
         shape = *here.extent, round_up_to_vectors(functions)
-        potential: Real = pool.array("potential", shape, self._precision)
+        potential: Real = pool.array("potential", shape, self.precision)
 
         def take(part: slice, fields: Real) -> None:
             # Functions become the last axis: `interpolate` sums over them in vectors.
             potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
             potential[part, :, functions:] = 0.0
 
-        self._convolve(sources.shape, lambda part: sources[:, part].astype(self._precision), take)
+        self._convolve(sources.shape, lambda part: sources[:, part].astype(self.precision), take)
         found = interpolate(here.samples, nodes, here.corner, potential, functions, pool)
         add_to(force, found, weights, slots)
 

@@ -14,7 +14,7 @@ import numpy as np
 from ellipsoid_coupling.compiled.buffers import BufferPool
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.simd_stencils import Four, add_stencil, sum_stencil
+from ellipsoid_coupling.compiled.simd_stencils import add_stencil, sum_stencil
 from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
 from ellipsoid_coupling.compiled.tuning import (
     DEPOSIT_WINDOWS,
@@ -26,6 +26,7 @@ from ellipsoid_coupling.compiled.tuning import (
 )
 from ellipsoid_coupling.interaction.convolution.spectra import Indices, Real
 from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.physics.bspline import spline_slopes, spline_weights
 from ellipsoid_coupling.physics.elementary import cos_sin
 
 # Nodes about a point in each direction.
@@ -40,25 +41,6 @@ class Nodes(NamedTuple):
     inverse_h: float
     rows: int
     columns: int
-
-
-@inline_kernel
-def _spline_weights(t: float) -> Four:
-    """B at the four nodes about a point, t in [0, 1) after the second."""
-    s = 1.0 - t
-    return (
-        s * s * s / 6.0,
-        2.0 / 3.0 - t * t * (1.0 - 0.5 * t),
-        2.0 / 3.0 - s * s * (1.0 - 0.5 * s),
-        t * t * t / 6.0,
-    )
-
-
-@inline_kernel
-def _spline_slopes(t: float) -> Four:
-    """dB/dt at the same four."""
-    s = 1.0 - t
-    return -0.5 * s * s, t * (1.5 * t - 2.0), s * (2.0 - 1.5 * s), 0.5 * t * t
 
 
 @kernel
@@ -321,7 +303,7 @@ def _deposit(
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
             row, column, up, across = _position(some[i, 0], some[i, 1], nodes)
-            along_y, along_x = _spline_weights(up), _spline_weights(across)
+            along_y, along_x = spline_weights(up), spline_weights(across)
             at = row - corner[0], column - corner[1]
             add_stencil(window, at, along_y, along_x, bases[i, 0])
 
@@ -398,8 +380,8 @@ def _interpolate_some(
         _set_bases(some, functions, waves, bases)
         for i in range(some.shape[0]):
             row, column, up, across = _position(some[i, 0], some[i, 1], nodes)
-            along_y = _spline_weights(up), _spline_slopes(up)
-            along_x = _spline_weights(across), _spline_slopes(across)
+            along_y = spline_weights(up), spline_slopes(up)
+            along_x = spline_weights(across), spline_slopes(across)
             # Whole numbers are counted from the corner: rounding in x and y could lead beyond it.
             at = row - corner[0], column - corner[1]
             x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])

@@ -31,7 +31,7 @@ def draw_all(
     folder: Path,
     flow: FlowField | Sequence[FlowField | None] | None = None,
 ) -> list[Path]:
-    """Draw what applies, scene by scene; the paths in the order drawn.
+    """Draw the figures that apply, scene by scene; returns the paths in that order.
 
     density_SCENE.png, angles_SCENE.png; ellipses_SCENE_LABEL.png for every particle result;
     flow_SCENE.png with a flow (flow_SCENE_2.png, ... where results of one scene have others);

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any, Literal, ParamSpec
+from typing import Literal, ParamSpec
 from warnings import catch_warnings, filterwarnings
 
 import numpy as np
@@ -61,9 +61,11 @@ def new_figure(width: float, height: float, layout: Layout = "constrained") -> F
     return figure
 
 
-def panel_grid(figure: Figure, rows: int, columns: int, **options: Any) -> NDArray[np.object_]:
+def panel_grid(
+    figure: Figure, rows: int, columns: int, *, sharex: bool = False, sharey: bool = False
+) -> NDArray[np.object_]:
     """Axes (rows, columns), always two-dimensional."""
-    return np.asarray(figure.subplots(rows, columns, squeeze=False, **options))
+    return np.asarray(figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey))
 
 
 def add_title(figure: Figure, title: str) -> None:

@@ -15,6 +15,8 @@ from ellipsoid_coupling.output.figures.canvas import (
     save_figure,
     styled,
 )
+from ellipsoid_coupling.output.figures.style import line_style
+from ellipsoid_coupling.output.labels import model_name
 
 
 def fitted_slope(numbers: Sequence[int], values: Sequence[float]) -> float:
@@ -24,14 +26,15 @@ def fitted_slope(numbers: Sequence[int], values: Sequence[float]) -> float:
 
 @styled
 def convergence_figure(
-    numbers: Sequence[int], values: Sequence[float], quantity: str, title: str = ""
+    model: str, numbers: Sequence[int], values: Sequence[float], quantity: str, title: str = ""
 ) -> Figure:
     """The figure of `draw_convergence`."""
     require(numbers, "convergence figure", "number of particles")
     figure = new_figure(5.2, 4.0)
     axes = figure.subplots()
     slope = fitted_slope(numbers, values)
-    axes.plot(numbers, values, "o", color="#0072b2", label="microscopic")
+    style = line_style(model)
+    axes.plot(numbers, values, "o", color=style.colour, label=model_name(model))
     middle = np.exp(np.mean(np.log(values)) - slope * np.mean(np.log(numbers)))
     line = middle * np.power(np.asarray(numbers, dtype=np.float64), slope)
     axes.plot(numbers, line, "--", color="0.4", label=f"N to the power {slope:.2f}")
@@ -42,6 +45,7 @@ def convergence_figure(
 
 
 def draw_convergence(
+    model: str,
     numbers: Sequence[int],
     values: Sequence[float],
     path: Path,
@@ -53,6 +57,7 @@ def draw_convergence(
 
     Parameters
     ----------
+    model : the name of the model of particles
     numbers : of particles, rising
     values : positive
     path : the PNG
@@ -64,4 +69,4 @@ def draw_convergence(
     InputError
         Without numbers.
     """
-    return save_figure(convergence_figure(numbers, values, quantity, title), path)
+    return save_figure(convergence_figure(model, numbers, values, quantity, title), path)

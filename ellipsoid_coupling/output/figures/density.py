@@ -1,4 +1,4 @@
-"""Density panels: one row a model, one column a time, one colour scale for what is compared."""
+"""Density panels: one row a model, one column a time, one colour scale for all of them."""
 
 from __future__ import annotations
 
@@ -145,18 +145,18 @@ def density_figure(
 def _draw_panels(
     shown: Sequence[tuple[DensityRow, float, Axes]], maximum: float | None, power: float
 ) -> list[AxesImage]:
-    """Panels that are compared, in one colour scale; a time that a run did not reach, or save, is said."""
-    found = []
+    """Panels in one colour scale, with a note where a run did not reach, or save, a time."""
+    drawn = []
     for row, time, axes in shown:
         show_domain(axes, row.extent)
         index = np.flatnonzero(np.isclose(row.times, time))
         if index.size:
-            found.append((row, row.density[index[0]], axes))
+            drawn.append((row, row.density[index[0]], axes))
         else:
-            told = "not reached" if np.isclose(row.asked, time).any() else "not saved"
-            axes.text(0.5, 0.5, told, ha="center", va="center", transform=axes.transAxes)
-    calm = [density for row, density, _ in found if not row.noisy]
-    top = maximum or common_maximum(calm or [density for _, density, _ in found])
+            text = "not reached" if np.isclose(row.asked, time).any() else "not saved"
+            axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+    calm = [density for row, density, _ in drawn if not row.noisy]
+    top = maximum or common_maximum(calm or [density for _, density, _ in drawn])
     return [
         axes.imshow(
             density,
@@ -166,7 +166,7 @@ def _draw_panels(
             norm=PowerNorm(power, vmin=0.0, vmax=top),
             interpolation="nearest",
         )
-        for row, density, axes in found
+        for row, density, axes in drawn
     ]
 
 

@@ -64,8 +64,8 @@ def ellipse_figure(
         _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
         if flow is not None:
             add_arrows(panel, flow, extent, colour="0.8", count=16)
-        told = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
-        panel.set(xlabel="x", title=f"{time_title(time)}{told}")
+        note = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
+        panel.set(xlabel="x", title=f"{time_title(time)}{note}")
     axes[0].set_ylabel("y")
     part = f"{chosen.size} of " if chosen.size < number else ""
     shown = f"{part}{number} particles"

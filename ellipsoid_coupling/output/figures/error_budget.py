@@ -1,4 +1,4 @@
-"""What the error of each model is made of: bars of its parts at the model's finest resolution."""
+"""The parts of each model's error as bars, at the model's finest resolution."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _COLOURS = {
     "finite N": "#8A7F2D",
     "sampling": "#A9B4C2",
 }
-# Bars start here: what is smaller does not matter to who asks for one per cent.
+# Bars start here: smaller parts do not matter for an error of one per cent.
 _FLOOR = 1e-3
 _GROUP = 0.84
 

@@ -60,7 +60,7 @@ def add_arrows(
     length = 0.9 * spacing * (speed / largest) ** POWER
     factor = np.divide(length, speed, out=np.zeros_like(speed), where=speed > 1e-9 * largest)
     arrows = (x[inside], y[inside], factor * velocity_x, factor * velocity_y)
-    # Units of the axes, so that an arrow's length is what stands above at any figure size.
+    # Units of the axes, so that an arrow has the length above at any figure size.
     options: dict[str, Any] = {
         "angles": "xy",
         "scale_units": "xy",
@@ -96,12 +96,12 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
 
 
 def draw_flow(flow: FlowField, extent: Extent, path: Path, *, title: str = "") -> Path:
-    """Velocity vectors of a flow, coloured by speed; the length hardly tells it.
+    """Velocity vectors of a flow, coloured by speed; their length varies little.
 
     Parameters
     ----------
     flow : FlowField
-    extent : (x_low, x_high, y_low, y_high), what to show
+    extent : (x_low, x_high, y_low, y_high), the part that is shown
     path : the PNG
     title : str
     """

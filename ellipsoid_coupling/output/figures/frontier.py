@@ -1,4 +1,4 @@
-"""Error against run time: what each model and scheme gives for its cost."""
+"""Error against run time, for every model and scheme."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ellipsoid_coupling.compare.cheapest import (
     largest_error,
     pareto_front,
 )
+from ellipsoid_coupling.models import BASELINE_SCHEME
 from ellipsoid_coupling.output.figures.annotations import place_labels
 from ellipsoid_coupling.output.figures.canvas import (
     add_title,
@@ -41,7 +42,7 @@ Lines = dict[tuple[str, str], list[Point]]
 def frontier_lines(rows: Sequence[ErrorRow], kind: Kind) -> Lines:
     """(model, scheme) -> points (seconds, largest error over the saved times, label) by rising time.
 
-    What a logarithmic axis cannot show (failed runs, zeros) is left out.
+    Failed runs and zeros are left out, because a logarithmic axis cannot show them.
     """
     lines: Lines = {}
     for row in rows:
@@ -102,7 +103,7 @@ def _front_points(rows: Sequence[ErrorRow], kind: Kind) -> list[Point]:
 
 
 def _add_front(axes: Axes, rows: Sequence[ErrorRow], kind: Kind) -> None:
-    """The Pareto front as a step line to the right rim, and the errors that users ask for."""
+    """The Pareto front as a step line to the right rim, and lines at the target errors."""
     points = _front_points(rows, kind)
     right = axes.get_xlim()[1]
     seconds = [point[0] for point in points] + [right]
@@ -135,9 +136,9 @@ def _label_front(axes: Axes, rows: Sequence[ErrorRow], kind: Kind, lines: Lines)
 
 
 def _add_line(axes: Axes, model: str, scheme: str, points: Sequence[Point]) -> None:
-    """The scheme `paper` is drawn thin with open markers, others bold with filled ones."""
+    """The baseline scheme is drawn thin with open markers, others bold with filled ones."""
     style = line_style(model)
-    baseline = scheme == "paper"
+    baseline = scheme == BASELINE_SCHEME
     axes.plot(
         [point[0] for point in points],
         [point[1] for point in points],
@@ -160,7 +161,7 @@ def _name_ticks(axes: Axes) -> None:
 
 
 def _add_noise(axes: Axes, error: float) -> None:
-    """A band from the reference's own Monte-Carlo error down: below, an error says nothing."""
+    """A band below the reference's own Monte-Carlo error, where errors have no meaning."""
     low, high = axes.get_ylim()
     bottom = min(low, 0.5 * error)
     axes.axhspan(bottom, error, color="0.85", zorder=0, label="Monte-Carlo error of the reference")
@@ -176,8 +177,8 @@ def draw_frontier(
 ) -> Path:
     """Error (the largest over the saved times) against run time, log-log.
 
-    A line joins the resolutions of one model and scheme, the grey step line is the front: what no
-    other run beats in both time and error. Its resolutions are written beside it.
+    A line joins the resolutions of one model and scheme. The grey step line is the front: the runs that
+    no other run beats in both time and error, with their resolutions.
 
     Parameters
     ----------

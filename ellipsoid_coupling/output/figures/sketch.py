@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Polygon
 
+from ellipsoid_coupling.models import model_kinds
 from ellipsoid_coupling.output.figures.canvas import new_figure, save_figure, styled
-from ellipsoid_coupling.output.figures.style import line_style
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 
 # The paper's drawing: L = 1, D = 0.5, turned by 45 degrees.
@@ -25,7 +25,7 @@ def sketch_figure() -> Figure:
     angle = np.deg2rad(_DEGREES)
     centre = np.zeros(1)
     outline = ellipse_outlines(centre, centre, np.full(1, angle), _SIZE, corners=256)[0]
-    colour = line_style("microscopic").colour
+    colour = model_kinds()[0].style.colour
     axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=colour, alpha=0.45))
     axes.plot([0.0, 0.5], [0.0, 0.5], color="black", linewidth=1.0)
     axes.plot([0.0, 0.75], [0.0, 0.0], color="black", linewidth=1.0, linestyle="--")

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from ellipsoid_coupling.output.figures.canvas import new_figure, require, save_figure, styled
 from ellipsoid_coupling.output.labels import model_name
 
-# Inch: a field, the names of the cases beside it, and what stands above and below.
+# Inch: an entry, the names of the cases beside it, and the titles above and the legend below.
 _WIDTH, _HEIGHT = 0.47, 0.185
 _NAMES, _HEAD, _LEGEND, _RIM = 2.5, 1.2, 0.75, 0.5
 _LETTERS = 6.5
@@ -28,17 +28,17 @@ _SHADES = tuple(to_hex(colormaps["cividis"](part)) for part in (0.98, 0.8, 0.62,
 _DARK_FROM = 3
 
 
-class MapField(Protocol):
-    """One run of the map, such as `compare.stability.Field`."""
+class MapEntry(Protocol):
+    """One run of the map, such as `compare.stability.MapEntry`."""
 
     @property
     def family(self) -> str:
-        """What was varied."""
+        """The varied quantity."""
         ...
 
     @property
     def case(self) -> str:
-        """What was varied, and to what."""
+        """The varied quantity and its value."""
         ...
 
     @property
@@ -68,7 +68,7 @@ class MapField(Protocol):
 
 
 class _Look(NamedTuple):
-    """How a field is drawn."""
+    """How a entry is drawn."""
 
     fill: str
     letters: str
@@ -84,18 +84,18 @@ _ENDED = {
 _UNKNOWN = _Look("#FFFFFF", "black", "?")
 
 
-def look_of(field: MapField) -> _Look:
-    """Fill, colour of the letters and words of a field."""
-    if field.outcome == "stopped" and math.isfinite(field.needed_step):
-        words = f"dt {field.needed_step:.0e}".replace("e-0", "e-")
+def look_of(entry: MapEntry) -> _Look:
+    """Fill, colour of the letters and words of a entry."""
+    if entry.outcome == "stopped" and math.isfinite(entry.needed_step):
+        words = f"dt {entry.needed_step:.0e}".replace("e-0", "e-")
         return _ENDED["stopped"]._replace(words=words)
-    if field.outcome in _ENDED:
-        return _ENDED[field.outcome]
-    if not math.isfinite(field.error):
+    if entry.outcome in _ENDED:
+        return _ENDED[entry.outcome]
+    if not math.isfinite(entry.error):
         return _UNKNOWN
-    decade = sum(field.error > bound for bound in _DECADES)
+    decade = sum(entry.error > bound for bound in _DECADES)
     letters = "white" if decade >= _DARK_FROM else "black"
-    return _Look(_SHADES[decade], letters, _short(field.error))
+    return _Look(_SHADES[decade], letters, _short(entry.error))
 
 
 def _short(error: float) -> str:
@@ -127,11 +127,11 @@ def _legend_patches() -> list[Patch]:
 
 
 @styled
-def stability_figure(fields: Sequence[MapField], title: str = "") -> Figure:
+def stability_figure(entries: Sequence[MapEntry], title: str = "") -> Figure:
     """The figure of `draw_stability`."""
-    require(fields, "stability map", "run")
-    cases = list(dict.fromkeys(field.case for field in fields))
-    columns = list(dict.fromkeys((field.model, field.scheme) for field in fields))
+    require(entries, "stability map", "run")
+    cases = list(dict.fromkeys(entry.case for entry in entries))
+    columns = list(dict.fromkeys((entry.model, entry.scheme) for entry in entries))
     width = _NAMES + _WIDTH * len(columns) + _RIM
     height = _HEAD + _LEGEND + _HEIGHT * len(cases)
     figure = new_figure(width, height)
@@ -140,10 +140,10 @@ def stability_figure(fields: Sequence[MapField], title: str = "") -> Figure:
     shape = (_WIDTH * len(columns) / width, _HEIGHT * len(cases) / height)
     axes = figure.add_axes((left, low, *shape))
     axes.set(xlim=(0, len(columns)), ylim=(len(cases), 0))
-    for field in fields:
-        place = columns.index((field.model, field.scheme)), cases.index(field.case)
-        _draw_field(axes, place, look_of(field))
-    _label(axes, fields, cases, columns)
+    for entry in entries:
+        corner = columns.index((entry.model, entry.scheme)), cases.index(entry.case)
+        _draw_entry(axes, corner, look_of(entry))
+    _label(axes, entries, cases, columns)
     if title:
         figure.suptitle(title, y=1.0 - 0.12 / height, va="top")
     figure.legend(
@@ -152,11 +152,11 @@ def stability_figure(fields: Sequence[MapField], title: str = "") -> Figure:
     return figure
 
 
-def _draw_field(axes: Axes, place: tuple[int, int], look: _Look) -> None:
-    axes.add_patch(Rectangle(place, 1, 1, facecolor=look.fill, edgecolor="white", linewidth=0.5))
+def _draw_entry(axes: Axes, corner: tuple[int, int], look: _Look) -> None:
+    axes.add_patch(Rectangle(corner, 1, 1, facecolor=look.fill, edgecolor="white", linewidth=0.5))
     axes.text(
-        place[0] + 0.5,
-        place[1] + 0.53,
+        corner[0] + 0.5,
+        corner[1] + 0.53,
         look.words,
         color=look.letters,
         fontsize=_LETTERS,
@@ -166,7 +166,7 @@ def _draw_field(axes: Axes, place: tuple[int, int], look: _Look) -> None:
 
 
 def _label(
-    axes: Axes, fields: Sequence[MapField], cases: list[str], columns: list[tuple[str, str]]
+    axes: Axes, entries: Sequence[MapEntry], cases: list[str], columns: list[tuple[str, str]]
 ) -> None:
     axes.set_yticks([row + 0.5 for row in range(len(cases))], cases, fontsize=7.5)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
@@ -177,7 +177,7 @@ def _label(
         ha="left",
         fontsize=7.5,
     )
-    families = {field.case: field.family for field in fields}
+    families = {entry.case: entry.family for entry in entries}
     for row, (before, case) in enumerate(itertools.pairwise(cases)):
         if families[before] != families[case]:
             axes.axhline(row + 1, color="black", linewidth=0.5)
@@ -198,18 +198,18 @@ def _label(
             )
 
 
-def draw_stability(fields: Sequence[MapField], path: Path, *, title: str = "") -> Path:
+def draw_stability(entries: Sequence[MapEntry], path: Path, *, title: str = "") -> Path:
     """Cases as rows, models and schemes as columns; the error's decade as colour, and its number.
 
     Parameters
     ----------
-    fields : such as `compare.stability.Field`
+    entries : such as `compare.stability.MapEntry`
     path : the PNG
     title : str
 
     Raises
     ------
     InputError
-        Without fields.
+        Without entries.
     """
-    return save_figure(stability_figure(fields, title), path)
+    return save_figure(stability_figure(entries, title), path)

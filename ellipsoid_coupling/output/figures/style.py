@@ -1,20 +1,22 @@
-"""Sizes, fonts, colours and line styles of all figures, in one place."""
+"""Sizes, fonts, colours and line styles of all figures."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
+
+from ellipsoid_coupling.models import LineStyle, find_kind
 
 # Sizes in inch; a panel's width, the height goes with the axes' aspect.
 PANEL = 2.2
 DOTS_PER_INCH = 150
-# Of a figure's title, wide letters allowed for.
+# Letters in an inch of a figure's title, with a margin for wide letters.
 LETTERS_PER_INCH = 10
 
-# Inch that a legend's entry takes, the longest labels included.
+# Width in inch of a legend's entry with the longest label.
 LEGEND_ENTRY = 2.6
 
 DENSITY_COLOURS = "viridis"
-# Cut off before its yellow, which a white page swallows.
+# The range ends before the map's yellow, which is invisible on a white page.
 SPEED_COLOURS = "plasma"
 SPEED_RANGE = (0.0, 0.85)
 
@@ -35,33 +37,14 @@ SETTINGS: Any = {
 }
 
 
-class LineStyle(NamedTuple):
-    """How one model is drawn everywhere: told apart by colour, and by dashes or marker without."""
-
-    colour: str
-    dashes: Any
-    marker: str
-
-
-# Colours that stay apart for colour-blind readers (Okabe and Ito).
-_STYLES = {
-    "microscopic": LineStyle("#0072B2", "-", "o"),
-    "mckean_vlasov": LineStyle("#000000", (0, (1, 1)), "*"),
-    "q_maxwellian": LineStyle("#E69F00", (0, (3, 1, 1, 1, 1, 1)), "D"),
-    "q_mono_kinetic": LineStyle("#009E73", (0, (5, 1, 1, 1)), "s"),
-    "rho_mono_kinetic": LineStyle("#D55E00", (0, (4, 1.5)), "^"),
-    "diffusive": LineStyle("#CC79A7", (0, (2, 1)), "v"),
-    "stationary_state": LineStyle("#56B4E9", (0, (6, 2)), "P"),
-}
-_OTHER = LineStyle("#555555", (0, (1, 2)), "X")
-
 # Markers of the second, third, ... curve of one model in one panel; the first one has none.
 REPEAT_MARKERS = ("", "o", "s", "^", "x")
 
 
 def line_style(model: str) -> LineStyle:
-    """The style of a model; grey dots for one that the table does not know."""
-    return _STYLES.get(model, _OTHER)
+    """The style that a model declares; grey dots if no model is registered under the name."""
+    kind = find_kind(model)
+    return LineStyle() if kind is None else kind.style
 
 
 def curve_options(model: str, repeat: int, points: int) -> dict[str, Any]:

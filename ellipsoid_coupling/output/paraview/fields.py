@@ -56,7 +56,7 @@ def histogram_images(result: Result, cells: int) -> Iterator[tuple[float, pyvist
 
 
 def grid_fields(result: Result, index: int) -> dict[str, Floats]:
-    """What is written of a grid at one saved time.
+    """The fields of a grid at one saved time.
 
     density, mean_angle (radian), angular_velocity : (ny, nx), axis order (y, x)
     velocity, orientation (cos and sin of the mean angle) : (ny * nx, 3), x running fastest

@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
+from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
 from ellipsoid_coupling.output.paraview.fields import cell_image
 from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
 from ellipsoid_coupling.output.paraview.series import save_mesh, vectors
+from ellipsoid_coupling.physics.bspline import spline_weights
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
@@ -114,10 +117,8 @@ def start_lattice(scene: Scene) -> tuple[Floats, Floats]:
     width, height = start.x[1] - start.x[0], start.y[1] - start.y[0]
     columns = max(1, round(math.sqrt(scene.particles.number * width / height)))
     rows = max(1, round(scene.particles.number / columns))
-    x = start.x[0] + width * (np.arange(columns) + 0.5) / columns
-    y = start.y[0] + height * (np.arange(rows) + 0.5) / rows
-    grid_x, grid_y = np.meshgrid(x, y)
-    return grid_x.ravel(), grid_y.ravel()
+    x, y = even_points(start.x, start.y, columns, rows).reshape(2, -1)
+    return x, y
 
 
 def flow_nodes(flow: FlowField, scene: Scene) -> pyvista.ImageData:
@@ -150,22 +151,19 @@ def stream_function(flow: FlowField, x: Floats, y: Floats) -> Floats:
     """The psi with u = (d psi/dy, -d psi/dx) on the lattice of x (nx,) and y (ny,), (ny, nx)."""
     arrays = flow.arrays
     ny, nx = flow.cells
-    along_x = _spline_weights((x - arrays.x0) * arrays.inverse_dx, nx)
-    along_y = _spline_weights((y - arrays.y0) * arrays.inverse_dy, ny)
+    along_x = _weight_matrix((x - arrays.x0) * arrays.inverse_dx, nx)
+    along_y = _weight_matrix((y - arrays.y0) * arrays.inverse_dy, ny)
     return np.asarray(along_y @ arrays.coefficients @ along_x.T)
 
 
-def _spline_weights(position: Floats, cells: int) -> Floats:
+def _weight_matrix(position: Floats, cells: int) -> Floats:
     """Weights (n, cells + 3) of a uniform cubic B-spline's coefficients at positions in cells.
 
     Beyond the ends the polynomial of the nearest cell is continued, as `sample_flow` does.
     """
     index = np.clip(np.floor(position), 0, cells - 1).astype(np.int64)
-    t = position - index
-    s = 1.0 - t
-    inner = 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s)
     weights = np.zeros((position.size, cells + 3))
     rows = np.arange(position.size)
-    for k, weight in enumerate((s**3 / 6.0, inner[0], inner[1], t**3 / 6.0)):
+    for k, weight in enumerate(plain(spline_weights)(position - index)):
         weights[rows, index + k] = weight
     return weights

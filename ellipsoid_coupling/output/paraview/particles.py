@@ -45,7 +45,7 @@ def polygons(outlines: Floats, arrays: Mapping[str, Floats]) -> pyvista.PolyData
 
 
 def glyph_arrays(angle: Floats, size: Size) -> dict[str, Floats]:
-    """What a glyph filter needs to draw an ellipse, for angles (n,).
+    """The arrays from which a glyph filter draws ellipses, for angles (n,).
 
     length, width, angle : (n,); orientation : (n, 3) unit vectors along the main axes;
     scale : (n, 3), (L, D, D)

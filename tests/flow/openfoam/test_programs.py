@@ -16,7 +16,8 @@ import pytest
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow.openfoam import confine, programs
 from ellipsoid_coupling.flow.openfoam.programs import LAST_LINES, run_program, says, why_open
-from ellipsoid_coupling.flow.openfoam.solve import case_folder, solve_case
+from ellipsoid_coupling.flow.openfoam.solve import solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
 
 needs_openfoam = pytest.mark.skipif(
     not programs.openfoam_available(), reason="OpenFOAM is not installed"

@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.openfoam import programs, scratch, solve
+from ellipsoid_coupling.flow.openfoam import programs, scratch, solve, solved_cases
 from ellipsoid_coupling.flow.openfoam.scratch import cleaned_up, move_to, scratch_folder
-from ellipsoid_coupling.flow.openfoam.solve import case_folder, is_solved, solve_case, solved_folder
+from ellipsoid_coupling.flow.openfoam.solve import solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, is_solved, solved_folder
 
 needs_openfoam = pytest.mark.skipif(
     not programs.openfoam_available(), reason="OpenFOAM is not installed"
@@ -139,7 +140,7 @@ def test_a_cache_that_is_only_to_be_read(
     own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = solve_case("cavity", 8)
-    monkeypatch.setattr(solve, "_is_writable", lambda _: False)
+    monkeypatch.setattr(solved_cases, "_is_writable", lambda _: False)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert solve_case("cavity", 8) == kept
     told: list[str] = []

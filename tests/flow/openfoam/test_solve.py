@@ -18,7 +18,8 @@ from ellipsoid_coupling.flow.openfoam import programs, solve
 from ellipsoid_coupling.flow.openfoam.dictionary import Column, parse
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.openfoam.scanner import Source
-from ellipsoid_coupling.flow.openfoam.solve import case_folder, parameter, solve_case
+from ellipsoid_coupling.flow.openfoam.solve import parameter, solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, content_hash, inputs_hash
 from tests.flow.known import mismatch, points
 
 needs_openfoam = pytest.mark.skipif(
@@ -273,31 +274,31 @@ def test_a_trusted_case_is_copied_without_pipes_and_links_to_nowhere(tmp_path: P
 @needs_openfoam
 def test_the_hash_knows_inputs_but_not_processes(tmp_path: Path) -> None:
     case = _copy(tmp_path)
-    first = solve.inputs_hash(case, 16)
+    first = inputs_hash(case, 16)
     parameters = case / "system" / "parameters"
     text = parameters.read_text(encoding="utf-8")
     parameters.write_text(text.replace("processes   1;", "processes   4;"), encoding="utf-8")
-    assert solve.inputs_hash(case, 16) == first
-    assert solve.inputs_hash(case, 17) != first
+    assert inputs_hash(case, 16) == first
+    assert inputs_hash(case, 17) != first
     parameters.write_text(text.replace("1e-9", "1e-8"), encoding="utf-8")
-    assert solve.inputs_hash(case, 16) != first
+    assert inputs_hash(case, 16) != first
     # What follows a number of cells in a comment is content.
     parameters.write_text("/*\ncells 16 */ atRest 1e-8;", encoding="utf-8")
-    second = solve.inputs_hash(case, 16)
+    second = inputs_hash(case, 16)
     parameters.write_text("/*\ncells 16 */ atRest 1e-7;", encoding="utf-8")
-    assert solve.inputs_hash(case, 16) not in (first, second)
+    assert inputs_hash(case, 16) not in (first, second)
 
 
 def test_the_content_knows_every_file_that_is_read(tmp_path: Path) -> None:
     """Where the case lies does not matter; links to folders are followed; two files are not one."""
     case = _copy(tmp_path)
-    first = solve.content_hash(case)
+    first = content_hash(case)
     (tmp_path / "polyMesh").mkdir()
     moved = case.rename(tmp_path / "polyMesh" / "own")
-    assert solve.content_hash(moved) == first
+    assert content_hash(moved) == first
     control = moved / "system" / "controlDict"
     control.write_text(control.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    second = solve.content_hash(moved)
+    second = content_hash(moved)
     assert second != first
     (moved / "system" / "blockMeshDict").unlink()
     points = tmp_path / "mesh" / "points"
@@ -306,16 +307,16 @@ def test_the_content_knows_every_file_that_is_read(tmp_path: Path) -> None:
     found = set()
     for text in ("one", "two"):
         points.write_text(text, encoding="utf-8")
-        found.add(solve.content_hash(moved))
+        found.add(content_hash(moved))
     (moved / "constant" / "a").write_bytes(b"xconstant/b\0y")
-    found.add(solve.content_hash(moved))
+    found.add(content_hash(moved))
     (moved / "constant" / "a").write_bytes(b"x")
     (moved / "constant" / "b").write_bytes(b"y")
-    assert len(found | {second, solve.content_hash(moved)}) == 5
+    assert len(found | {second, content_hash(moved)}) == 5
     (moved / "constant" / "loop").symlink_to(moved)
     (moved / "constant" / "loop2").symlink_to(moved)
     with pytest.raises(InputError, match="at most 2000 files"):
-        solve.content_hash(moved)
+        content_hash(moved)
 
 
 @pytest.mark.openfoam

@@ -18,7 +18,8 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.cases import BUILT_IN
 from ellipsoid_coupling.flow.openfoam import programs, solve, trust
 from ellipsoid_coupling.flow.openfoam.reader import read_case
-from ellipsoid_coupling.flow.openfoam.solve import case_folder, solve_case
+from ellipsoid_coupling.flow.openfoam.solve import solve_case
+from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, inputs_hash
 from ellipsoid_coupling.flow.openfoam.trust import PlainCase, plain_case
 from tests.flow.known import points
 from tests.flow.openfoam.ways_in import CODE, HEADERS
@@ -353,7 +354,7 @@ def _unknown(text: str, known: set[str]) -> set[str]:
 def _known_words() -> set[str]:
     """All words that stand in the tables of what a plane laminar case needs."""
     found: set[str] = set()
-    for name in ("trust", "foam_tables", "foam_start", "foam_blocks", "foam_rules"):
+    for name in ("trust", "tables", "start", "blocks", "rules"):
         tree = ast.parse((Path(trust.__file__).parent / f"{name}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -485,7 +486,7 @@ def test_a_case_that_brings_its_mesh_is_solved_on_it(case: Path) -> None:
     made = solve_case("cavity", 16)
     shutil.copytree(made / "constant" / "polyMesh", case / "constant" / "polyMesh")
     (case / "system" / "blockMeshDict").unlink()
-    key = solve.inputs_hash(case, 16)
+    key = inputs_hash(case, 16)
     solved = solve_case(case)
     header = (solved / "constant" / "polyMesh" / "points").read_bytes()[:100]
     assert b"format binary" in header
@@ -494,5 +495,5 @@ def test_a_case_that_brings_its_mesh_is_solved_on_it(case: Path) -> None:
     np.testing.assert_allclose(found.velocity_y, expected.velocity_y, atol=2e-6)
     boundary = case / "constant" / "polyMesh" / "boundary"
     edit(boundary, "type            empty;", "type            wedge;")
-    assert solve.inputs_hash(case, 16) != key
+    assert inputs_hash(case, 16) != key
     refused(case, "polyMesh/boundary, patch frontAndBack: .* the type wedge")

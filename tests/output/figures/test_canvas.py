@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib import rcParams
 
+from ellipsoid_coupling.models import model_kinds
 from ellipsoid_coupling.output.figures.canvas import (
     add_title,
     multiple_of_pi,
@@ -16,7 +17,6 @@ from ellipsoid_coupling.output.figures.canvas import (
 )
 from ellipsoid_coupling.output.figures.sketch import sketch_figure
 from ellipsoid_coupling.output.figures.style import SETTINGS, curve_options, line_style
-from ellipsoid_coupling.output.labels import MODEL_NAMES
 
 
 def test_settings_apply_inside_only(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_long_titles_are_wrapped_inside_the_figure() -> None:
 
 
 def test_models_differ_in_colour_and_without_colour() -> None:
-    styles = [line_style(model) for model in MODEL_NAMES if model != "exact"]
+    styles = [line_style(kind.name) for kind in model_kinds()]
     assert len({style.colour for style in styles}) == len(styles)
     assert len({str(style.dashes) for style in styles}) == len(styles)
     assert len({style.marker for style in styles}) == len(styles)

@@ -3,8 +3,8 @@
     g = h/2 (F_i + F_{i+1}) + w (psi_i - psi_{i+1}),    psi = U * q, w = 1/m or 1/I_c
 
 The trapezoidal rule for fluid, outer potentials and walls, the difference itself for the
-interaction. What reaches across the boundary in space is 0, and the ghosts of a wall hold what they
-mirror with the other sign.
+interaction. Across a periodic side it is the work to the other side. Across any other side it is 0, and
+the ghosts of a wall hold the mirrored work with the other sign.
 """
 
 from __future__ import annotations
@@ -28,12 +28,16 @@ from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, st
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL
 from ellipsoid_coupling.physics.elementary import exp_of_negative
+from ellipsoid_coupling.scenes.sides import AtSide
 
 Floats = NDArray[np.float64]
 
 # Work beyond this, in units of the temperature, acts as a plain force: there one cell's equilibrium
 # says nothing about its neighbour.
 STEEPEST = 4.0
+# What an end of x or y does with the work.
+PASSES, MIRRORS, WRAPS = range(3)
+WORK_AT: dict[AtSide, int] = {"leave": PASSES, "reflect": MIRRORS, "wrap": WRAPS}
 _RANGE = 0.5 * STEEPEST
 _EXP_RANGE = math.exp(_RANGE)
 
@@ -73,14 +77,16 @@ def _set_run(
 
 
 @kernel
-def _source(padded: int, count: int, reflecting: bool) -> tuple[int, float]:
+def _source(padded: int, count: int, ends: tuple[int, int]) -> tuple[int, float]:
     """The cell whose work a padded one of `count` cells in space holds, and its sign, 0 for none."""
     own = padded - GHOSTS
     if 0 <= own < count - 1:
         return own, 1.0
-    if reflecting and count > 1 and own == -GHOSTS:
+    if ends[0] == WRAPS and -GHOSTS <= own <= count:
+        return own % count, 1.0
+    if ends[0] == MIRRORS and count > 1 and own == -GHOSTS:
         return 0, -1.0
-    if reflecting and count > 1 and own == count:
+    if ends[1] == MIRRORS and count > 1 and own == count:
         return count - 2, -1.0
     return 0, 0.0
 
@@ -116,7 +122,7 @@ def _set_work(
     potential: Floats | None,
     distinct: int,
     axis: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     padded_row: int,
     out: Floats,
@@ -131,18 +137,19 @@ def _set_work(
             place = (a + GHOSTS) * plane + (j + GHOSTS) * padded_row
             here = pull, potential, distinct
             _set_between(*here, (a, j, 0), (a, j, 1), weights, nx - 1, out, place + GHOSTS)
-            for end in (0, nx + GHOSTS):
-                i, sign = _source(end, nx, reflecting)
-                if sign < 0.0:
-                    _set_between(*here, (a, j, i), (a, j, i + 1), back, 1, out, place + end)
+            for end in (0, 1, nx + 1, nx + GHOSTS):
+                i, sign = _source(end, nx, ends)
+                if sign != 0.0:
+                    signed, beyond = weights if sign > 0.0 else back, (a, j, (i + 1) % nx)
+                    _set_between(*here, (a, j, i), beyond, signed, 1, out, place + end)
         elif axis == -2:
             a, row = task // (ny + 2 * GHOSTS), task % (ny + 2 * GHOSTS)
-            j, sign = _source(row, ny, reflecting)
+            j, sign = _source(row, ny, ends)
             place = (a + GHOSTS) * plane + row * padded_row + GHOSTS
             if sign != 0.0:
                 signed = weights if sign > 0.0 else back
                 here = pull, potential, distinct
-                _set_between(*here, (a, j, 0), (a, j + 1, 0), signed, nx, out, place)
+                _set_between(*here, (a, j, 0), (a, (j + 1) % ny, 0), signed, nx, out, place)
         else:
             j, layer = task // (na + 2 * GHOSTS), task % (na + 2 * GHOSTS)
             a = (layer - GHOSTS) % na
@@ -155,7 +162,7 @@ def set_work(
     pull: Floats,
     potential: Floats | None,
     axis: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     out: Floats,
 ) -> None:
@@ -169,8 +176,8 @@ def set_work(
         U * q of the angles that it tells apart.
     axis : int
         -1 for x, -2 for y, -3 for the angle, which is periodic.
-    reflecting : bool
-        The boundary in x and y.
+    ends : (int, int)
+        What the lower and the upper end of x or y do: PASSES, MIRRORS or WRAPS.
     weights : (float, float)
         h/2 and w.
     out : (2, (na + 4) (ny + 4) (nx + 4))
@@ -179,7 +186,7 @@ def set_work(
     """
     distinct = 1 if potential is None else potential.shape[0]
     row = pull.shape[2] + 2 * GHOSTS
-    _set_work(pull, potential, distinct, axis, reflecting, weights, row, out)
+    _set_work(pull, potential, distinct, axis, ends, weights, row, out)
 
 
 @inline_kernel

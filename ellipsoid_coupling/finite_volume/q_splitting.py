@@ -36,6 +36,7 @@ from ellipsoid_coupling.finite_volume.q_sources import (
     step_implicitly,
 )
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
+from ellipsoid_coupling.geometry.ghost_table import GhostTable
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import Real
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
@@ -58,8 +59,8 @@ class QSystem:
         The directions of transport: -1 (x), -2 (y) and, unless the angle is not resolved, -3.
     pressure : float
         1 for the Maxwellian closure, 0 for the mono-kinetic one.
-    reflecting : bool
-        The boundary in space.
+    ghosts : GhostTable
+        What happens at the ends of x and y.
     cfl : float
         The part of a cell that mass may cross in a step.
     interaction : AngleGridInteraction or None
@@ -72,6 +73,8 @@ class QSystem:
         The density up to which a cell counts as empty.
     left : (1,) float64
         What has left through open boundaries, in units of a cell's density.
+    time : float
+        At the start of the step.
     room : KeptArrays
         Memory for forces with walls.
     """
@@ -81,13 +84,14 @@ class QSystem:
     terms: CellTerms
     axes: tuple[int, ...]
     pressure: float
-    reflecting: bool
+    ghosts: GhostTable
     cfl: float
     interaction: AngleGridInteraction | None
     walls: AngleForces | None
     extents: Extents = field(init=False)
     vacuum: float = field(init=False)
     left: Floats = field(init=False)
+    time: float = field(init=False, default=0.0)
     room: KeptArrays = field(init=False, default_factory=KeptArrays)
 
     def __post_init__(self) -> None:
@@ -108,7 +112,7 @@ class QSystem:
         """Move all fields along an axis for dt; the extents grow with them."""
         ratio = dt / self.grid.width(axis)
         thin = flux._replace(vacuum=self.vacuum)
-        here = self.fields, axis, ratio, self.extents, self.reflecting
+        here = self.fields, axis, ratio, self.extents, self.ghosts, self.time
         self.extents = transport(thin, *here, self.left)
 
     def transport_all(
@@ -118,11 +122,12 @@ class QSystem:
 
         turning : along the angle, where that is another flux
         """
-        move = Move(axes.index(-1) < axes.index(-2), dt / self.grid.plane.cell, self.reflecting)
+        move = Move(axes.index(-1) < axes.index(-2), dt / self.grid.plane.cell, self.time)
         if axes[0] == -3:
             self.transport(turning or flux, -3, dt)
         thin = flux._replace(vacuum=self.vacuum)
-        self.extents = transport_in_plane(thin, self.fields, move, self.extents, self.left)
+        here = self.fields, move, self.extents, self.ghosts
+        self.extents = transport_in_plane(thin, *here, self.left)
         if axes[-1] == -3:
             self.transport(turning or flux, -3, dt)
 

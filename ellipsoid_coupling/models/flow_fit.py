@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.sides import SideName
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +28,12 @@ _TIGHT = 5e-3
 _POINTS = 401
 
 # Name, axis, and which end of it.
-_SIDES = (("left", 0, 0), ("right", 0, 1), ("bottom", 1, 0), ("top", 1, 1))
+_SIDES: tuple[tuple[SideName, int, int], ...] = (
+    ("left", 0, 0),
+    ("right", 0, 1),
+    ("bottom", 1, 0),
+    ("top", 1, 1),
+)
 
 
 def rectangle(flow: FlowField) -> str:
@@ -40,7 +46,7 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
     """Whether particles of the scene can come to where the flow is not known."""
     if flow is None or math.isinf(flow.bounds[0]):
         return False
-    if scene.domain.boundary == "open" or not flow.arrays.mask.all():
+    if scene.has_sides("leave") or not flow.arrays.mask.all():
         return True
     x, y, arrays = scene.domain.x, scene.domain.y, flow.arrays
     held = arrays.x_low <= x[0] and x[1] <= arrays.x_high
@@ -59,10 +65,11 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
         expected = "a flow for its [flow] section" if flow is None else "no flow"
         remedy = "Give the scene's flow." if flow is None else "Leave out the flow."
         raise InputError(f"scene {scene.name}", expected, found, remedy)
-    if flow is None or scene.domain.boundary != "reflecting" or math.isinf(flow.bounds[0]):
+    if flow is None or math.isinf(flow.bounds[0]):
         return
     for name, axis, end in _SIDES:
-        wrong = _no_wall(scene, flow, axis, end)
+        reflects = scene.sides[name].particles == "reflect"
+        wrong = _no_wall(scene, flow, axis, end) if reflects else ""
         if wrong:
             raise InputError(
                 f"scene {scene.name}, key domain.boundary",

@@ -10,6 +10,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.flow import FlowArrays, FlowField
+from ellipsoid_coupling.geometry.boundaries import reflecting_box
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.drift import Drift
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
@@ -148,9 +149,9 @@ def scene_limits(setup: Setup, number: int | None = None) -> Limits:
 
     number : how many particles share the interaction's strength, the scene's number if None.
     """
-    numerics, domain = setup.scene.numerics, setup.scene.domain
+    numerics = setup.scene.numerics
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])[: 3 if setup.terms.angle else 2]
-    box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
+    box = reflecting_box(setup.scene)
     contact = scene_contact(setup, scale, number or setup.scene.particles.number)
     mesh = scene_mesh(setup)
     return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact)

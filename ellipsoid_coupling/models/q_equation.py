@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.finite_volume.boundary import grid_ghosts
 from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
@@ -35,6 +36,7 @@ from ellipsoid_coupling.finite_volume.q_grid import (
 )
 from ellipsoid_coupling.finite_volume.q_splitting import Godunov, KickDriftKick, QStepper, QSystem
 from ellipsoid_coupling.finite_volume.well_balanced import BalancedHeun
+from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity, distinct_angles
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction, box_of
@@ -124,6 +126,7 @@ class QEquation:
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all as before, if the stepper finds that it was too long."""
+        self.system.time = self.time
         if not self.stepper.step(dt, int(self.clock[0, STEPS])):
             return False
         if self._crossing is not None:
@@ -261,7 +264,7 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
         terms=scene_cell_terms(setup, grid.plane),
         axes=(-1, -2, -3) if turns else (-1, -2),
         pressure=pressure,
-        reflecting=terms.reflection,
+        ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
         cfl=scene.numerics.cfl,
         interaction=interaction,
         walls=_wall_forces(scene, grid, shape),

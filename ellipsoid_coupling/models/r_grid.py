@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import threads_for
 from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.finite_volume.boundary import grid_ghosts
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
 from ellipsoid_coupling.finite_volume.fluxes import AnyFlux
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM
@@ -34,6 +35,7 @@ from ellipsoid_coupling.finite_volume.sources import (
     set_drift,
 )
 from ellipsoid_coupling.finite_volume.splitting import Splitting
+from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
@@ -81,6 +83,7 @@ class RGridEquation:
         self._setup = setup
         scene = setup.scene
         self.grid: Grid = scene_grid(scene)
+        self._ghosts = grid_ghosts(self.grid, scene_boundaries(scene))
         self.terms = scene_cell_terms(setup, self.grid)
         self._interaction, self._walls = _scene_interaction(setup, self.grid)
         self._splitting = splitting
@@ -124,12 +127,12 @@ class RGridEquation:
 
     def transport(self, flux: AnyFlux, dt: float, x_first: bool) -> None:
         """Move all fields along x and y, or y and x, for dt, boundary conditions included."""
-        reflecting = self._setup.terms.reflection
-        plane, strips, spans = whole_plane(self.grid.padded, numba.get_num_threads())
+        kinds = self._ghosts.kinds
+        whole = whole_plane(self.grid.padded, kinds.wraps(-2), numba.get_num_threads())
         thin, flat = flux._replace(vacuum=self._vacuum), self.fields.reshape(len(self.fields), -1)
-        move = Move(x_first, dt / self.cell, reflecting)
-        gone = sweep_planes(thin, flat, plane, strips, spans, move)
-        if not reflecting:
+        move = Move(x_first, dt / self.cell, self.time)
+        gone = sweep_planes(thin, flat, *whole, move, self._ghosts)
+        if not kinds.closed:
             self._left += gone
 
     def evaluate_drift(self) -> None:

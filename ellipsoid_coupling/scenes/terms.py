@@ -106,7 +106,6 @@ def _fluid_and_pairs(scene: Scene, model: str) -> list[Term]:
 
 def _surroundings(scene: Scene) -> list[Term]:
     walls, outer, turning = scene.walls, scene.outer_potential, scene.angular_potential
-    reflecting = scene.domain.boundary == "reflecting"
     return [
         Term(
             "walls",
@@ -118,8 +117,8 @@ def _surroundings(scene: Scene) -> list[Term]:
         ),
         Term(
             "reflection",
-            reflecting,
-            "domain.boundary is reflecting" if reflecting else "domain.boundary is open",
+            scene.has_sides("reflect"),
+            _sides_in_words(scene),
         ),
         Term(
             "outer_potential",
@@ -134,6 +133,13 @@ def _surroundings(scene: Scene) -> list[Term]:
             else "no [angular_potential]: V2 = 0",
         ),
     ]
+
+
+def _sides_in_words(scene: Scene) -> str:
+    """The kinds of the sides: "domain.boundary is open", or side by side."""
+    if scene.boundaries is None:
+        return f"domain.boundary is {scene.domain.boundary}"
+    return ", ".join(f"{side.kind} on the {name}" for name, side in scene.sides.items())
 
 
 def _noise_terms(scene: Scene, model: str) -> list[Term]:

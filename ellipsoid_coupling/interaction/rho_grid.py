@@ -51,6 +51,8 @@ class HarmonicInteraction:
         eps0.
     series : AngularSeries
         For the grid's spacing.
+    periods : (bool, bool)
+        Whether y and x are periodic, with an even number of cells.
 
     Raises
     ------
@@ -58,14 +60,20 @@ class HarmonicInteraction:
         A grid without cells or spacing; fields of another shape.
     """
 
-    def __init__(self, grid_shape: tuple[int, int], strength: float, series: AngularSeries) -> None:
+    def __init__(
+        self,
+        grid_shape: tuple[int, int],
+        strength: float,
+        series: AngularSeries,
+        periods: tuple[bool, bool] = (False, False),
+    ) -> None:
         check_grid(grid_shape, series.h)
         self.grid_shape = grid_shape
         self.series = series
         sizes = series.h**2, series.shape.size, strength
         self._precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self._precision)
-        ladder = Ladder(grid_shape, kernel.cells, kernel)
+        ladder = Ladder(grid_shape, kernel.cells, kernel, periods)
         self._convolve = Convolution(ladder, self._precision)
         self._room = KeptArrays()
 

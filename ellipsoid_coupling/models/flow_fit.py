@@ -54,7 +54,7 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
 
 
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
-    """Refuse a flow without [flow], [flow] without a flow, and walls where the flow has none.
+    """Refuse a flow without [flow], [flow] without a flow, walls where the flow has none, and jumps.
 
     Raises
     ------
@@ -65,7 +65,10 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
         expected = "a flow for its [flow] section" if flow is None else "no flow"
         remedy = "Give the scene's flow." if flow is None else "Leave out the flow."
         raise InputError(f"scene {scene.name}", expected, found, remedy)
-    if flow is None or math.isinf(flow.bounds[0]):
+    if flow is None:
+        return
+    _require_periodic(scene, flow)
+    if math.isinf(flow.bounds[0]):
         return
     for name, axis, end in _SIDES:
         reflects = scene.sides[name].particles == "reflect"
@@ -77,6 +80,29 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
                 f"none on the {name}: {wrong}",
                 'Set domain.boundary = "open", make the domain the flow\'s rectangle '
                 f"{rectangle(flow)}, or give another flow.",
+            )
+
+
+def _require_periodic(scene: Scene, flow: FlowField) -> None:
+    """Refuse a flow that is not the same on both of two periodic sides."""
+    boxes = scene.domain.x, scene.domain.y
+    lower: tuple[SideName, SideName] = ("left", "bottom")
+    for axis, name in enumerate(lower):
+        if scene.sides[name].particles != "wrap":
+            continue
+        along = np.linspace(*boxes[1 - axis], _POINTS)
+        ends = [
+            flow.evaluate(*((at, along) if axis == 0 else (along, at)))
+            for at in (np.full(_POINTS, end) for end in boxes[axis])
+        ]
+        velocities = np.array([(end.velocity_x, end.velocity_y) for end in ends])
+        jump = float(np.abs(velocities[1] - velocities[0]).mean())
+        if jump > _TIGHT * np.abs(velocities).max():
+            raise InputError(
+                f"scene {scene.name}, key boundaries.{name}.kind (or domain.boundary)",
+                "a flow that is the same on both periodic sides",
+                f"velocities that differ by {jump:.3g} on the mean",
+                "Take another kind of boundary, or give a flow with this period.",
             )
 
 

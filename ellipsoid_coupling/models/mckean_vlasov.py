@@ -46,6 +46,7 @@ from ellipsoid_coupling.models.from_scene import (
     silence,
     start_at_rest,
 )
+from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.particles.blocks import Alone, Forces
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.particles.shared_clock import TOGETHER
@@ -143,7 +144,8 @@ class McKeanVlasov:
 
     @staticmethod
     def require_fit(setup: Setup) -> None:
-        """Every scene fits."""
+        """Raise InputError for periodic sides."""
+        require_no_period(setup.scene, "mckean_vlasov")
 
     @property
     def time(self) -> float:

@@ -34,6 +34,7 @@ from ellipsoid_coupling.models.from_scene import (
     silence,
     start_at_rest,
 )
+from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.particles import SCHEMES
 from ellipsoid_coupling.particles.blocks import Forces
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
@@ -91,7 +92,8 @@ class Microscopic:
 
     @staticmethod
     def require_fit(setup: Setup) -> None:
-        """Every scene fits."""
+        """Raise InputError for periodic sides."""
+        require_no_period(setup.scene, "microscopic")
 
     @property
     def time(self) -> float:

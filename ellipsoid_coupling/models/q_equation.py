@@ -43,6 +43,7 @@ from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteract
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, SchemeName, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.periodic import periodic_axes, require_room
 from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_one_angle, of_start
 from ellipsoid_coupling.physics.closure import PRESSURE
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
@@ -103,6 +104,7 @@ class QEquation:
     def require_fit(setup: Setup) -> None:
         """Raise InputError for a grid that does not fit the domain, or too few angles."""
         grid = _scene_q_grid(setup.scene)
+        require_room(setup.scene, grid.plane)
         if setup.terms.angle and grid.angles > 1:
             check_angles(setup.scene.name, grid.angles)
 
@@ -255,8 +257,9 @@ def build_system(setup: Setup, pressure: float, quantity: Quantity) -> QSystem:
     interaction = None
     if scene.interaction is not None:
         strength = scene.interaction.strength
+        tolerance, periods = _tolerance(scene, pressure), periodic_axes(scene)
         interaction = AngleGridInteraction(
-            grid.shape, grid.plane.cell, shape, strength, quantity, _tolerance(scene, pressure)
+            grid.shape, grid.plane.cell, shape, strength, quantity, tolerance, periods
         )
     return QSystem(
         grid=grid,

@@ -41,6 +41,7 @@ from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, Spot, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.periodic import periodic_axes, require_room
 from ellipsoid_coupling.models.run_warnings import as_counts, of_mixed_angles, of_start
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.stepping.status import MEANING, NOT_FINITE, RUNNING
@@ -114,8 +115,8 @@ class RGridEquation:
 
     @staticmethod
     def require_fit(setup: Setup) -> None:
-        """Raise InputError where the cells do not divide the domain."""
-        scene_grid(setup.scene)
+        """Raise InputError where the cells do not divide the domain, or fill a period badly."""
+        require_room(setup.scene, scene_grid(setup.scene))
 
     @property
     def time(self) -> float:
@@ -286,6 +287,7 @@ def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None
         strength,
         tolerance=numerics.harmonics_tolerance,
         method=numerics.interaction,
+        periods=periodic_axes(scene),
     )
     walls = scene_walls(scene, shape)
     table = walls.table(grid.cell) if walls is not None else None

@@ -21,6 +21,7 @@ from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid
 from ellipsoid_coupling.interaction.potential_grid import PotentialGrid
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import Spot
+from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 
@@ -64,6 +65,7 @@ class StationaryState:
     @staticmethod
     def require_fit(setup: Setup) -> None:
         """Raise InputError for a scene without a stationary state, or a grid that does not fit."""
+        require_no_period(setup.scene, "stationary_state")
         _require_stationary(setup.scene)
         scene_grid(setup.scene)
 

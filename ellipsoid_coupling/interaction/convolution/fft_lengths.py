@@ -53,6 +53,9 @@ class Ladder:
     reach : int
         How many cells further images must be away.
     kernel : Transformable
+    periods : (bool, bool)
+        Whether y and x are periodic. There the length is that of the grid, an even number of cells,
+        and images are what is wanted.
 
     Attributes
     ----------
@@ -60,18 +63,33 @@ class Ladder:
         Lengths for the whole grid.
     """
 
-    def __init__(self, cells: Lengths, reach: int, kernel: Transformable) -> None:
-        self.longest = longest_lengths(cells, reach)
+    def __init__(
+        self,
+        cells: Lengths,
+        reach: int,
+        kernel: Transformable,
+        periods: tuple[bool, bool] = (False, False),
+    ) -> None:
+        self._periods = periods
+        self.longest = self._closed(longest_lengths(cells, reach), cells)
         self._reach, self._kernel = reach, kernel
         self._kept: dict[Lengths, tuple[Spectra, KeptArrays]] = {}
         self._made: set[Lengths] = set()
 
     def fitting(self, rows: int, columns: int) -> Spectra:
         """For a rectangle of so many occupied cells; the next other one may overwrite them."""
-        lengths = fitting_lengths((rows + self._reach, columns + self._reach), self.longest)
+        needed = rows + self._reach, columns + self._reach
+        lengths = self._closed(fitting_lengths(needed, self.longest), self.longest)
         kept = self._kept.pop(lengths) if lengths in self._kept else self._make(lengths)
         self._kept[lengths] = kept
         return kept[0]
+
+    def _closed(self, lengths: Lengths, periods: Lengths) -> Lengths:
+        """These lengths, but for the periods along periodic axes."""
+        y, x = (
+            p if closed else n for n, p, closed in zip(lengths, periods, self._periods, strict=True)
+        )
+        return y, x
 
     def _make(self, lengths: Lengths) -> tuple[Spectra, KeptArrays]:
         again = lengths in self._made

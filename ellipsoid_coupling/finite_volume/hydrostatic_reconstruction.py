@@ -82,7 +82,7 @@ def _source(padded: int, count: int, ends: tuple[int, int]) -> tuple[int, float]
     own = padded - GHOSTS
     if 0 <= own < count - 1:
         return own, 1.0
-    if ends[0] == WRAPS and -GHOSTS <= own <= count:
+    if ends[0] == WRAPS and -GHOSTS <= own < count + GHOSTS:
         return own % count, 1.0
     if ends[0] == MIRRORS and count > 1 and own == -GHOSTS:
         return 0, -1.0
@@ -137,7 +137,7 @@ def _set_work(
             place = (a + GHOSTS) * plane + (j + GHOSTS) * padded_row
             here = pull, potential, distinct
             _set_between(*here, (a, j, 0), (a, j, 1), weights, nx - 1, out, place + GHOSTS)
-            for end in (0, 1, nx + 1, nx + GHOSTS):
+            for end in (0, 1, nx + 1, nx + 2, nx + 3):
                 i, sign = _source(end, nx, ends)
                 if sign != 0.0:
                     signed, beyond = weights if sign > 0.0 else back, (a, j, (i + 1) % nx)

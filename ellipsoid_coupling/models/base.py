@@ -45,6 +45,8 @@ class Health(NamedTuple):
         steps so far, of grids now; infinite where something else drives as well (pressure).
     outside : int
         Particles' coordinates beyond reflecting walls; 0 for grids and where edges are open.
+    left : float
+        Of grids the mass that has left through the boundary, less what came in; 0 for particles.
     """
 
     mass: float
@@ -52,6 +54,7 @@ class Health(NamedTuple):
     speeds: tuple[float, float]
     forces: tuple[float, float]
     outside: int = 0
+    left: float = 0.0
 
 
 class Model(Protocol):

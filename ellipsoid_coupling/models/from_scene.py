@@ -226,14 +226,14 @@ def particle_counts(state: ParticleState) -> Counts:
 
 
 def require_none_left(state: ParticleState, setup: Setup, name: str) -> None:
-    """Where the scene reflects, nothing may leave the flow's mesh.
+    """Where no side can be left, nothing may leave the flow's mesh.
 
     Raises
     ------
     RunError
         With the place of the first particle that has.
     """
-    if not setup.terms.reflection or state.frozen is None or not state.frozen.any():
+    if setup.scene.has_sides("leave") or state.frozen is None or not state.frozen.any():
         return
     assert setup.flow is not None
     block, i = (int(index) for index in np.argwhere(state.frozen)[0])

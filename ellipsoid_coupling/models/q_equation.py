@@ -124,7 +124,9 @@ class QEquation:
 
     def allowed_step(self) -> tuple[float, int]:
         """What the CFL number allows, the acceleration within the step included."""
-        return self.stepper.largest_step
+        distance = self.system.cfl * self.grid.plane.cell
+        inflow = self.system.ghosts.kinds.inflow_step(distance), CFL
+        return min(self.stepper.largest_step, inflow)
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all as before, if the stepper finds that it was too long."""
@@ -211,7 +213,8 @@ class QEquation:
         mass, least, speeds = survey_cells(self.system.fields)
         infinite = math.inf, math.inf
         forces = infinite if self.system.pressure > 0.0 else self._largest_forces()
-        return Health(mass * self.grid.volume, least, speeds, forces)
+        left = float(self.system.left[0] * self.grid.volume)
+        return Health(mass * self.grid.volume, least, speeds, forces, left=left)
 
     def _largest_forces(self) -> tuple[float, float]:
         terms, forces = self.system.terms, self.stepper.forces

@@ -173,7 +173,9 @@ class RGridEquation:
 
     def allowed_step(self) -> tuple[float, int]:
         """What the CFL number, the force and the torque allow, see `Splitting.largest_step`."""
-        return self._splitting.largest_step(self, self._setup.scene.numerics.cfl)
+        cfl = self._setup.scene.numerics.cfl
+        inflow = self._ghosts.kinds.inflow_step(cfl * self.cell), CFL
+        return min(self._splitting.largest_step(self, cfl), inflow)
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all fields as before, if that was too long."""
@@ -250,7 +252,8 @@ class RGridEquation:
             forces = found.force, found.torque
         else:
             forces = largest_magnitude(self.drift[:2]), largest_magnitude(self.drift[2:])
-        return Health(mass * self.cell**2, least, speeds, forces)
+        left = float(self._left[0] * self.cell**2)
+        return Health(mass * self.cell**2, least, speeds, forces, left=left)
 
     def counts(self) -> Counts:
         """The steps, the mass balance, and what should be told."""

@@ -154,7 +154,7 @@ class BoundaryPart(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        _, required, optional = keys_of(self.kind)
+        _, _, required, optional = keys_of(self.kind)
         given, known = set(self.parameters), {*required, *optional}
         if not set(required) <= given <= known:
             keys = ", ".join([*required, *(f"{key} (optional)" for key in optional)]) or "none"
@@ -410,6 +410,11 @@ class Scene(Part):
         named = {name: getattr(self.boundaries, name, None) for name in SIDES}
         short = BoundaryPart(kind=self.domain.boundary)
         return {name: part or short for name, part in named.items()}
+
+    @property
+    def has_inflow(self) -> bool:
+        """Whether mass may come in at some side."""
+        return any(keys_of(side.kind).inflow for side in self.sides.values())
 
     def has_sides(self, particles: AtSide) -> bool:
         """Whether particles do this at some side: "reflect", "leave" or "wrap"."""

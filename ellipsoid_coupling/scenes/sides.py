@@ -30,11 +30,14 @@ class KindKeys(NamedTuple):
     ----------
     particles : "reflect", "leave" or "wrap"
         What a particle does there.
+    inflow : bool
+        Whether mass may come in.
     required, optional : tuple of str
         The names of its parameters.
     """
 
     particles: AtSide
+    inflow: bool = False
     required: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
 

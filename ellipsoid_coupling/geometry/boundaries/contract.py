@@ -27,8 +27,8 @@ from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formul
 from ellipsoid_coupling.scenes.sides import AtSide, KindKeys, declare_kind
 
 # Where things stand in a cell, seen from a side. What follows is the same whichever side it is: the
-# other momentum, and whatever else is transported.
-DENSITY, ALONG, ACROSS = range(3)
+# other momentum, and from OTHERS on whatever else is transported.
+DENSITY, ALONG, ACROSS, OTHERS = range(4)
 
 
 class Place(NamedTuple):
@@ -60,13 +60,18 @@ def ghost(kind: Any, edge: Values, image: Values, normal: float, t: float, place
     raise NotImplementedError
 
 
-# The type of each kind, by name, and what particles do there, by type.
+# The type of each kind, by name; what particles do there and how fast mass comes in, by type.
 _TYPES: dict[str, type[Any]] = {}
 _PARTICLES: dict[type[Any], AtSide] = {}
+_INFLOWS: dict[type[Any], Callable[[Any], float]] = {}
 
 
 def register_boundary(
-    name: str, kind: type[Any], formula: Callable[..., Values], particles: AtSide
+    name: str,
+    kind: type[Any],
+    formula: Callable[..., Values],
+    particles: AtSide,
+    inflow: Callable[[Any], float] | None = None,
 ) -> None:
     """Make a kind of boundary known, to scene files by its name and to kernels by its type.
 
@@ -79,6 +84,9 @@ def register_boundary(
     formula : an inline kernel, or a Python function that numba can compile
         See `ghost`.
     particles : "reflect", "leave" or "wrap"
+    inflow : (kind) -> float, optional
+        The largest speed of what comes in, which steps follow: cells know it only afterwards. None
+        where nothing comes in.
 
     Raises
     ------
@@ -90,9 +98,11 @@ def register_boundary(
     required = tuple(field for field in fields._fields if field not in optional)
     if name in _TYPES:
         raise ValueError(f"there is another kind of boundary named {name!r}")
-    declare_kind(name, KindKeys(particles, required, optional))
+    declare_kind(name, KindKeys(particles, inflow is not None, required, optional))
     register_formula(ghost, kind, formula)
     _TYPES[name], _PARTICLES[kind] = kind, particles
+    if inflow is not None:
+        _INFLOWS[kind] = inflow
 
 
 def at_side(kind: Any) -> AtSide:
@@ -103,3 +113,8 @@ def at_side(kind: Any) -> AtSide:
 def make_kind(name: str, parameters: dict[str, float]) -> Any:
     """The kind of that name with these parameters, numbers by field."""
     return _TYPES[name](**parameters)
+
+
+def inflow_speed(kind: Any) -> float:
+    """The largest speed of what comes in at a side of this kind; 0 where nothing does."""
+    return _INFLOWS[type(kind)](kind) if type(kind) in _INFLOWS else 0.0

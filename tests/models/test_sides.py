@@ -1,4 +1,4 @@
-"""Periodic sides: mass stays, places are alike, waves go on; what is not built is refused."""
+"""Sides of different kinds. Periodic: mass stays, places are alike, waves go on; else refused."""
 
 from __future__ import annotations
 
@@ -90,6 +90,24 @@ def test_a_wave_goes_around_with_the_scheme_s_order(model: str, scheme: Any, ord
     """Between 32 and 64 cells; its end is its start."""
     errors = [wave(model, scheme, cells) for cells in (32, 64)]
     assert math.log2(errors[0] / errors[1]) > order - 0.25
+
+
+@pytest.mark.parametrize(("scheme", "error"), [("paper", 2e-2), ("accurate", 1e-6)])
+def test_a_particle_bounces_off_the_one_side_that_reflects(scheme: Any, error: float) -> None:
+    """In a trap about the left side's origin: x = 0.5 |cos t|; y = 0.3 cos t through the open bottom.
+
+    The fixed step of 0.01 is of first order at a bounce; the other one follows its tolerance.
+    """
+    changes = {
+        "domain.x": [0.0, 0.6], "domain.y": [-0.1, 0.4], "boundaries.left.kind": "reflecting",
+        "start": {"x": [0.5, 0.5], "y": [0.3, 0.3], "points": [[0.5, 0.3]]}, "flow": None,
+        "interaction": None, "outer_potential": {"stiffness": 1.0}, "particles.number": 1,
+        "particles.realisations": 1, "times": [2.5], "numerics.tolerance": 1e-8,
+    }  # fmt: skip
+    last = ec.simulate(ec.load_scene("rotation", changes), "microscopic", scheme).to_dataset()
+    x, y = (float(last[name].isel(time=-1).squeeze()) for name in "xy")
+    assert (x, y) == pytest.approx((0.5 * abs(math.cos(2.5)), 0.3 * math.cos(2.5)), abs=error)
+    assert y < -0.1
 
 
 SHAPE = potential_shape(0.1, 0.05)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, Plane, strips_of, sweep_planes
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, grown
+from ellipsoid_coupling.finite_volume.strips import Plane, strips_of
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
 from ellipsoid_coupling.geometry.ghost_table import GhostTable
 

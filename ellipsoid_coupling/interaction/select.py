@@ -51,8 +51,7 @@ def choose_interaction(
         Largest error in units of max(density) * eps0 h^2 * (sum of the kernel's largest absolute
         values over angles), the latter for force and torque each.
     method : "auto", "direct" or "harmonics"
-    periods : (bool, bool)
-        Whether y and x are periodic, with an even number of cells.
+    periods : whether y and x are periodic, with an even number of cells.
 
     Raises
     ------

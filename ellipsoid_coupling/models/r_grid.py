@@ -18,7 +18,7 @@ from ellipsoid_coupling.finite_volume.boundary import grid_ghosts
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude, survey_cells
 from ellipsoid_coupling.finite_volume.fluxes import AnyFlux
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import (
     Grid,
     interior,
@@ -35,6 +35,7 @@ from ellipsoid_coupling.finite_volume.sources import (
     set_drift,
 )
 from ellipsoid_coupling.finite_volume.splitting import Splitting
+from ellipsoid_coupling.finite_volume.strips import whole_plane
 from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.interaction.grid_forces import Forces

@@ -10,15 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import (
-    Move,
-    Plane,
-    strips_of,
-    sweep_planes,
-    whole_plane,
-)
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, inside, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
+from ellipsoid_coupling.finite_volume.strips import Plane, strips_of, whole_plane
 from ellipsoid_coupling.finite_volume.sweep import Runs
 from ellipsoid_coupling.geometry.boundaries import (
     Boundaries,
@@ -95,8 +90,8 @@ def test_many_short_strips(
     """Cuts after every second to third row, as on a machine with very many threads."""
     start = some_fields((23, 12), 5)
     expected, _ = swept_twice(Ballistic((0.05, *(0.1,) * 3)), start, 0.4, x_first, kinds)
-    monkeypatch.setattr("ellipsoid_coupling.finite_volume.fused_xy_sweep.SHORTEST_STRIP", 3)
-    monkeypatch.setattr("ellipsoid_coupling.finite_volume.fused_xy_sweep.STRIPS_PER_THREAD", 10)
+    monkeypatch.setattr("ellipsoid_coupling.finite_volume.strips.SHORTEST_STRIP", 3)
+    monkeypatch.setattr("ellipsoid_coupling.finite_volume.strips.STRIPS_PER_THREAD", 10)
     whole_plane.cache_clear()
     plane, strips, spans = whole_plane((27, 16), kinds.wraps(-2), numba.get_num_threads())
     whole_plane.cache_clear()
@@ -172,6 +167,18 @@ def test_strips_follow_one_another() -> None:
         assert strips.first[upper] == above
         assert strips.first[lower] + row * strips.length[lower] == above
     np.testing.assert_array_equal(np.unique(strips.width), [3, 5, 16])
+
+
+def test_a_seam_is_one_more_cut() -> None:
+    """Of both planes with a strip at an end, between the last row and the first; the others keep theirs."""
+    plane = Plane(20, 2000, 16, 96, 42)
+    first = np.array([42, 42 + 90 * 20, 2042 + 90 * 20, 4042 + 300])
+    runs = Runs(first, np.array([3, 6, 6, 5]), np.full(4, 16))
+    strips = strips_of(runs, plane, True, 2)
+    assert strips.low.tolist() == [0, -1, -1, -1]
+    assert strips.high.tolist() == [-1, 0, 1, -1]
+    assert strips.below.tolist() == [42 + 95 * 20, 2042 + 95 * 20]
+    assert strips.above.tolist() == [42, 2042]
 
 
 @pytest.mark.parametrize("axis", [-1, -2])

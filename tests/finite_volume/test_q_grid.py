@@ -82,6 +82,15 @@ def test_extents_grow_periodically_in_angle_and_end_in_space() -> None:
         assert np.all(wider[held] == ([0, 5] if axis == -1 else [0, 4]))
 
 
+def test_extents_of_periodic_rows_are_whole_where_mass_comes_to_an_end() -> None:
+    """Across y to the other side; along x an interval cannot go on at the other end."""
+    fields = np.zeros((4, 5, 9, 12))
+    inside(fields)[Q, 0, 0, 2:4] = inside(fields)[Q, 0, 2, 5:] = inside(fields)[Q, 0, 3, :1] = 1.0
+    extents = occupied_extents(fields)
+    assert grown(extents, 8, -1, True)[0].tolist() == [[1, 5], [8, 0], [0, 8], [0, 8], [8, 0]]
+    assert grown(extents, 8, -2, True)[0].tolist() == [[2, 4], [2, 8], [0, 8], [0, 8], [0, 4]]
+
+
 @pytest.mark.parametrize("axis", [-2, -3])
 def test_runs_cover_every_extent_once(axis: int) -> None:
     """Random rows: every cell of an extent in one run, runs with vacuum at both ends."""

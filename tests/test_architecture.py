@@ -55,7 +55,6 @@ MODEL_AND_SCHEME_NAMES = {*model_names(), *SCHEMES, *PRESSURE}
 MAY_NAME: dict[str, set[str]] = {
     "physics/closure.py": set(PRESSURE),
     "particles/__init__.py": set(SCHEMES),
-    "particles/shared_clock.py": set(SCHEMES),
     "scenes/scene.py": {"accurate", "paper"},
     "interaction/walls.py": {"paper"},
     "compare/stability/cases.py": {"paper"},

@@ -17,7 +17,10 @@ from ellipsoid_coupling.finite_volume import q_grid
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move
+from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
+from ellipsoid_coupling.geometry.boundaries import Open, everywhere
+from ellipsoid_coupling.geometry.ghost_table import ghost_table
 from ellipsoid_coupling.interaction.grid_forces import half_widths
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.interaction.select import choose_interaction
@@ -46,10 +49,11 @@ def sweep_rate(flux: Flux, cells: int, angles: int, repeats: int) -> float:
     """10^6 cell updates a second, the mean of the three directions, as the scheme `paper` takes them."""
     fields = smooth_fields(cells, angles)
     extents = q_grid.occupied_extents(fields)
+    table = ghost_table(everywhere(Open()), (cells, cells), GHOSTS)
 
     def sweeps() -> None:
-        transport_in_plane(flux, fields, Move(True, 1e-3, False), extents)
-        transport(flux, fields, -3, 1e-3, extents, False)
+        transport_in_plane(flux, fields, Move(True, 1e-3, 0.0), extents, table)
+        transport(flux, fields, -3, 1e-3, extents, table, 0.0)
 
     return 3e-6 * cells * cells * angles / seconds(sweeps, repeats)
 

@@ -73,6 +73,17 @@ MANY_FREE_PARTICLES = 30_000
 # Steps of all samples that a call of `advance` takes without noise: progress is shown often enough.
 SAMPLE_STEPS_PER_CALL = 8
 
+# Ghost cells: to fill so many takes as long as to wake a thread.
+GHOSTS_PER_THREAD = 4000
+
+# Rows that the sweep along x is ahead of the one along y. The march along y begins two rows below its
+# first one; at an edge these are ghosts, which follow from the first two rows. And a row that has just
+# been written is not read at once.
+ROWS_AHEAD = 3
+# Strips of rows for each thread in a sweep along x and y, and the rows that a strip has at least: shorter
+# ones copy and sweep more rows beside cuts than they gain. Swept on two threads, 150x150x60.
+STRIPS_PER_THREAD, SHORTEST_STRIP = 2, 16
+
 
 # --- these fix the order of sums: results depend on them in their last digits ---
 

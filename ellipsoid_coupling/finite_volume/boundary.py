@@ -1,14 +1,19 @@
-"""What the ghost layers of a padded field hold: mirrored or continued values."""
+"""Filling the ghost layers of padded fields, from the ghost table of their grid.
+
+`geometry/ghost_table.py` draws the layers and says which cells each ghost follows from, the kinds of
+`geometry/boundaries` what it then holds. Here are the loops: along x a row's own four ghosts, along y
+whole rows of ghosts, which vectorise.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.jit import (
     apart_kernel,
     inline_kernel,
@@ -16,140 +21,207 @@ from ellipsoid_coupling.compiled.jit import (
     view_kernel,
 )
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
-from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at, store
+from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
+from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.threads import threads_for
-from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
-from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.compiled.tuning import GHOSTS_PER_THREAD
+from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
+from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
+from ellipsoid_coupling.geometry.boundaries import Boundaries, Place, ghost
+from ellipsoid_coupling.geometry.ghost_table import (
+    BOTTOM,
+    EDGE,
+    GHOST,
+    IMAGE,
+    LEFT,
+    NEXT_GHOST,
+    NEXT_IMAGE,
+    NORMAL,
+    RIGHT,
+    STEP_X,
+    STEP_Y,
+    STRIDE,
+    TOP,
+    WIDTH,
+    GhostTable,
+    X,
+    Y,
+    ghost_table,
+)
 
 Floats = NDArray[np.float64]
 
-# To fill so many ghost cells takes as long as to wake a thread.
-_CELLS_PER_THREAD = 4000
+
+def grid_ghosts(grid: Grid, kinds: Boundaries, angle_width: float = 0.0) -> GhostTable:
+    """The ghost table of a grid, or of the planes of a q-grid, `angle_width` (radian) apart."""
+    return ghost_table(kinds, grid.shape, GHOSTS, (grid.x_low, grid.y_low), grid.cell, angle_width)
 
 
-def fill_ghosts(fields: Floats, axis: int, reflecting: bool, normal: int) -> None:
-    """Fill the ghost layers at both ends of one direction, in place.
+def fill_ghosts(fields: Floats, axis: int, table: GhostTable, t: float) -> None:
+    """Fill the ghost layers at both ends of x or y, in place.
 
     Parameters
     ----------
-    fields : (K, ..., n + 4, ...) float64, contiguous
-        Conserved fields, component first; padded along `axis`.
+    fields : (K, ny + 4, nx + 4) or (K, na + 4, ny + 4, nx + 4) float64, contiguous
+        Conserved fields, component first: density, momenta along x and y, and others.
     axis : int
-        The axis to fill, counted on `fields`.
-    reflecting : bool
-        True: mirror the interior and turn the normal momentum round, so that no mass crosses; False
-        (open): continue the outermost cell (Neumann) where it moves outwards, so that what reaches
-        the edge leaves, and mirror where it moves inwards. A continued cell that moves inwards
-        would be a source without end: nothing is known of what lies outside.
-    normal : int
-        The component that is the momentum along `axis`.
+        -1 for x, -2 for y.
+    table : GhostTable
+        Of the grid.
+    t : float
+        The time at the start of the step.
     """
-    before, n, after = fields.shape[1:axis], fields.shape[axis], fields.shape[axis + 1 :]
-    lines, width = math.prod(before), math.prod(after)
-    components = in_order(fields.shape[0], normal)
-    with threads_for(lines * width, _CELLS_PER_THREAD):
-        if width == 1:
-            rows = np.reshape(fields, (fields.shape[0], lines * n), copy=False)
-            _fill_all_ends(rows, components, lines, reflecting)
-        else:
-            planes = np.reshape(fields, (fields.shape[0], lines, n * width), copy=False)
-            _fill_all_sides(planes, components, width, reflecting)
+    cells = math.prod(fields.shape[-2:])
+    flat = np.reshape(fields, (fields.shape[0], -1), copy=False)
+    # A q-grid's ghost planes are filled by nobody.
+    first, planes = (GHOSTS, fields.shape[1] - 2 * GHOSTS) if fields.ndim == 4 else (0, 1)
+    components = in_order(fields.shape[0], -axis)
+    width = int(table.cells[LEFT if axis == -1 else BOTTOM, WIDTH])
+    with threads_for(planes * width, GHOSTS_PER_THREAD):
+        fill = _fill_all_ends if axis == -1 else _fill_all_sides
+        fill(flat, components, (planes, first * cells, cells), width, (table, t))
 
 
 @inline_kernel
-def _either(first: bool, one: float, other: float) -> float:
-    return one if first else other
+def _place(places: Floats, side: int, i: int, angle: float) -> Place:
+    """That of a side's ghost number i."""
+    x = places[side, X] + i * places[side, STEP_X]
+    return Place(x, places[side, Y] + i * places[side, STEP_Y], angle)
 
 
 @inline_kernel
-def _ghost(edge: Values, image: Values, inwards: float, reflecting: bool) -> Values:
-    """What a ghost holds: its image turned round, or the edge where that moves outwards."""
-    mirrored = reflecting | (edge[ALONG] * inwards > 0.0)
-    held = map_fields(_either, (mirrored,), (image, edge))
-    along = -held[ALONG] if mirrored else held[ALONG]
-    return (held[DENSITY], along, *held[2:])
+def _fill_end(
+    kind: Any, cells: Rows, table: GhostTable, side: int, layer: int, at: tuple[int, float, float]
+) -> None:
+    """Fill one ghost of a row, see `fill_ends`; at : its row, the angle and the time."""
+    row, first = table.cells[side], table.first
+    edge = load(cells, row[EDGE] - first)
+    image = load(cells, row[IMAGE] + layer * row[NEXT_IMAGE] - first)
+    place = _place(table.places, side, at[0], at[1])
+    held = ghost(kind, edge, image, float(row[NORMAL]), at[2], place)
+    store(cells, row[GHOST] + layer * row[NEXT_GHOST] - first, held)
 
 
 @view_kernel
-def fill_ends(cells: Rows, n: int, reflecting: bool) -> None:
-    """Fill the ghosts of one row: `cells` (see `in_order`) begin with the first ghost of n + 4 cells."""
+def fill_ends(cells: Rows, table: GhostTable, a: int, j: int, t: float) -> None:
+    """Fill the ghosts of row j of plane a along x; `cells` (see `in_order`) begin with the first one."""
+    at = j, a * table.angle_width, t
     # Layer by layer: the second mirrors the other end's first where there is one cell only.
     for layer in range(GHOSTS):
-        for end in range(2):
-            inwards = 1 - 2 * end
-            edge = GHOSTS if end == 0 else n + GHOSTS - 1
-            image = load(cells, edge + inwards * layer)
-            ghost = _ghost(load(cells, edge), image, float(inwards), reflecting)
-            store(cells, edge - inwards * (layer + 1), ghost)
+        _fill_end(table.kinds.left, cells, table, LEFT, layer, at)
+        _fill_end(table.kinds.right, cells, table, RIGHT, layer, at)
 
 
 @apart_kernel
-def _fill_side(
-    edge: Rows, image: Rows, ghost: Rows, inwards: float, mirror: bool, width: int
+def _fill_layer(
+    kind: Any,
+    cells: tuple[Rows, Rows, Rows],
+    places: Floats,
+    side: int,
+    columns: tuple[int, int],
+    normal: float,
+    at: tuple[float, float],
 ) -> None:
+    """Ghosts side by side of the edge and their images, `cells`, all from the first of `columns` on.
+
+    columns : the first one and how many; at : the angle and the time.
+    """
+    edge, image, ghosts = cells
+    first, width = columns
     for i in range(round_up_to_vectors(width)):
         if i < width:
-            store(ghost, i, _ghost(load(edge, i), load(image, i), inwards, mirror))
+            place = _place(places, side, first + i, at[0])
+            store(ghosts, i, ghost(kind, load(edge, i), load(image, i), normal, at[1], place))
+
+
+@inline_kernel
+def _fill_side_layer(
+    kind: Any,
+    planes: tuple[Floats, tuple[int, ...], int],
+    table: GhostTable,
+    side: int,
+    layer: int,
+    columns: tuple[int, int],
+    at: tuple[float, float],
+) -> None:
+    """Fill one layer at the bottom or top; planes : fields, components, and where the plane begins."""
+    fields, components, start = planes
+    row, first = table.cells[side], start + columns[0]
+    cells = (
+        rows_at(fields, components, first + row[EDGE]),
+        rows_at(fields, components, first + row[IMAGE] + layer * row[NEXT_IMAGE]),
+        rows_at(fields, components, first + row[GHOST] + layer * row[NEXT_GHOST]),
+    )
+    _fill_layer(kind, cells, table.places, side, columns, float(row[NORMAL]), at)
 
 
 @view_kernel
 def fill_sides(
     fields: Floats,
     components: tuple[int, ...],
-    row: tuple[int, int, int],
-    n: int,
+    table: GhostTable,
+    plane: tuple[int, int],
+    columns: tuple[int, int],
     ends: tuple[bool, bool],
-    reflecting: bool,
+    t: float,
 ) -> None:
-    """Fill ghost rows below and above n rows, at the lower end, the upper one or both.
+    """Fill rows of ghosts at the bottom of a plane, at its top, or both.
 
     fields : (K, cells), flat; components : `in_order`.
-    row : the flat index where the lowest of the n rows begins, its width, the way from row to row.
+    plane : its number, and its first padded cell.
+    columns : the first one and how many.
+    ends : whether to fill the bottom and the top.
     """
-    first, width, stride = row
+    a, start = plane
+    at, planes = (a * table.angle_width, t), (fields, components, start)
+    # Layer by layer: the second mirrors the other end's first where there is one row only.
     for layer in range(GHOSTS):
-        for end in range(2):
-            if ends[end]:
-                inwards = 1 - 2 * end
-                edge = 0 if end == 0 else n - 1
-                image, ghost = edge + inwards * layer, edge - inwards * (layer + 1)
-                _fill_side(
-                    rows_at(fields, components, first + edge * stride),
-                    rows_at(fields, components, first + image * stride),
-                    rows_at(fields, components, first + ghost * stride),
-                    float(inwards),
-                    reflecting,
-                    width,
-                )
+        if ends[0]:
+            _fill_side_layer(table.kinds.bottom, planes, table, BOTTOM, layer, columns, at)
+        if ends[1]:
+            _fill_side_layer(table.kinds.top, planes, table, TOP, layer, columns, at)
 
 
 @parallel_kernel
 def _fill_all_ends(
-    fields: Floats, components: tuple[int, ...], lines: int, reflecting: bool
+    fields: Floats,
+    components: tuple[int, ...],
+    planes: tuple[int, int, int],
+    rows: int,
+    arguments: tuple[GhostTable, float],
 ) -> None:
-    padded = fields.shape[1] // lines
-    for line in numba.prange(lines):
-        cells = rows_at(fields, components, line * padded)
-        fill_ends(cells, padded - 2 * GHOSTS, reflecting)
+    """Of all `rows` of all planes: how many these are, their first cell, and from plane to plane."""
+    packed = pack(arguments)
+    count, begin, size = planes
+    for task in numba.prange(count * rows):
+        table, t = unpack(packed)
+        a, j = signed(task) // rows, signed(task) % rows
+        first = begin + a * size + table.first + j * table.cells[LEFT, STRIDE]
+        fill_ends(rows_at(fields, components, first), table, a, j, t)
 
 
 @parallel_kernel
 def _fill_all_sides(
-    fields: Floats, components: tuple[int, ...], width: int, reflecting: bool
+    fields: Floats,
+    components: tuple[int, ...],
+    planes: tuple[int, int, int],
+    width: int,
+    arguments: tuple[GhostTable, float],
 ) -> None:
-    lines, plane = fields.shape[1:]
-    flat = fields.reshape(fields.shape[0], lines * plane)
-    n = plane // width - 2 * GHOSTS
-    for line in numba.prange(lines):
-        row = line * plane + GHOSTS * width, width, width
-        fill_sides(flat, components, row, n, (True, True), reflecting)
+    """Over all `width` columns of all planes, see `_fill_all_ends`."""
+    packed = pack(arguments)
+    count, begin, size = planes
+    for task in numba.prange(count):
+        table, t = unpack(packed)
+        plane = signed(task), begin + signed(task) * size
+        fill_sides(fields, components, table, plane, (0, width), (True, True), t)
 
 
 def fill_periodic(fields: Floats, axis: int) -> None:
     """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place."""
     before, n, after = fields.shape[:axis], fields.shape[axis], fields.shape[axis + 1 :]
     shape = math.prod(before), n, math.prod(after)
-    with threads_for(shape[0] * shape[2], _CELLS_PER_THREAD):
+    with threads_for(shape[0] * shape[2], GHOSTS_PER_THREAD):
         _wrap(np.reshape(fields, shape, copy=False))
 
 
@@ -160,8 +232,8 @@ def _wrap(fields: Floats) -> None:
     layers = 2 * GHOSTS
     for task in numba.prange(fields.shape[0] * layers):
         line, layer = task // layers, task % layers
-        ghost = layer if layer < GHOSTS else last + layer
-        image = ghost + last if layer < GHOSTS else ghost - last
-        to, source = fields[line, ghost], fields[line, image]
+        held = layer if layer < GHOSTS else last + layer
+        image = held + last if layer < GHOSTS else held - last
+        to, source = fields[line, held], fields[line, image]
         for i in range(to.size):
             to[i] = source[i]

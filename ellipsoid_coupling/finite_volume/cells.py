@@ -19,7 +19,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker, Transported
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes, whole_plane
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
@@ -40,7 +40,9 @@ from ellipsoid_coupling.finite_volume.step_limits import (
     ExtremesLimit,
     largest_turn,
 )
+from ellipsoid_coupling.finite_volume.strips import whole_plane
 from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCITIES, System
+from ellipsoid_coupling.geometry.ghost_table import GhostTable
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.stepping.step_control import looking_ahead
@@ -58,8 +60,8 @@ class CellFields:
     grid : QGrid
         Of an r-grid `RGrid`.
     terms : CellTerms
-    reflecting : bool
-        The boundary in space.
+    ghosts : GhostTable
+        What happens at the ends of x and y.
     cfl : float
         The part of a cell that mass may cross in a step.
     find_forces : callable
@@ -76,12 +78,14 @@ class CellFields:
         What has left through open boundaries, in units of a cell's density.
     forces : Forces, AngleForces or None
         Of interaction and walls, as last found.
+    time : float
+        At the start of the step.
     """
 
     system: System
     grid: QGrid
     terms: CellTerms
-    reflecting: bool
+    ghosts: GhostTable
     cfl: float
     find_forces: Callable[[CellFields], Forces | AngleForces | None]
     fields: Floats = field(init=False)
@@ -90,6 +94,7 @@ class CellFields:
     vacuum: float = field(init=False)
     outflow: Floats = field(init=False)
     forces: Forces | AngleForces | None = field(init=False, default=None)
+    time: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         planes, *plane = self.grid.shape
@@ -141,18 +146,20 @@ class CellFields:
     def transport(self, flux: Flux, axis: int, dt: float) -> None:
         """Move all fields along an axis for dt; the extents grow with them."""
         ratio = dt / self.grid.width(axis)
-        here = self.fields, axis, ratio, self.extents, self.reflecting
+        here = self.fields, axis, ratio, self.extents, self.ghosts, self.time
         self.extents = transport(flux, *here, self.outflow)
 
     def _transport_in_plane(self, flux: Flux, x_first: bool, dt: float) -> None:
         """Move all fields along x and then y for dt, or along y and then x, in one pass."""
-        move = Move(x_first, dt / self.grid.plane.cell, self.reflecting)
+        move = Move(x_first, dt / self.grid.plane.cell, self.time)
         if self.grid.angle_resolved:
-            self.extents = transport_in_plane(flux, self.fields, move, self.extents, self.outflow)
+            here = self.fields, move, self.extents, self.ghosts
+            self.extents = transport_in_plane(flux, *here, self.outflow)
             return
-        whole = whole_plane(self.grid.plane.padded, numba.get_num_threads())
-        gone = sweep_planes(flux, self.fields.reshape(len(self.fields), -1), *whole, move)
-        if not self.reflecting:
+        kinds, flat = self.ghosts.kinds, self.fields.reshape(len(self.fields), -1)
+        whole = whole_plane(self.grid.plane.padded, kinds.wraps(-2), numba.get_num_threads())
+        gone = sweep_planes(flux, flat, *whole, move, self.ghosts)
+        if not kinds.closed:
             self.outflow += gone
 
     def transport_all(self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float) -> None:

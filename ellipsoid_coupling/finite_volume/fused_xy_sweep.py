@@ -9,14 +9,13 @@ the rows are in cache:
     row j       swept along y now              row j - 1   as y has left it
     row j - 1   done                           row j - 2   swept along x now, its ghosts filled
 
-Where a run of rows is cut into strips, so that all threads have some, a strip looks at two rows beyond
-its ends that another one changes. Copies of these are made before (and swept along x where x comes
-first): what comes out is that of two sweeps, bit for bit.
+A strip looks at two rows beyond each of its cuts (`strips.py`), which another thread changes: it reads
+copies of these, made before (and swept along x where x comes first). The result is that of two sweeps,
+bit for bit.
 """
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple
 
 import numba
@@ -29,6 +28,7 @@ from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, rows_at
 from ellipsoid_coupling.compiled.simd_vectors import DOUBLES
 from ellipsoid_coupling.compiled.threads import small_chunks
+from ellipsoid_coupling.compiled.tuning import ROWS_AHEAD
 from ellipsoid_coupling.finite_volume.boundary import fill_ends, fill_sides
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
@@ -40,83 +40,23 @@ from ellipsoid_coupling.finite_volume.march import (
     march_workspace,
     step_march,
 )
-from ellipsoid_coupling.finite_volume.sweep import RowScratch, Runs, row_scratch, sweep_row
+from ellipsoid_coupling.finite_volume.strips import Plane, Strips
+from ellipsoid_coupling.finite_volume.sweep import RowScratch, row_scratch, sweep_row
+from ellipsoid_coupling.geometry.ghost_table import GhostTable
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Rows that x is ahead of y. The march begins with two rows below the first one, which at the edge are
-# ghosts that need the first two rows; and what has just been written is not read at once.
-_AHEAD = 3
-# To cut rows into strips no longer than this is not worth it (and a strip at the edge needs the rows
-# that its ghosts mirror); strips for each thread, if there are rows enough.
-_SHORTEST, _STRIPS = 16, 2
 # Rows beside a cut that are copied: as many as ghosts on either side.
 _COPIED = 2 * GHOSTS
 
 
-class Plane(NamedTuple):
-    """Planes of padded fields, in flat cells.
-
-    row, next_plane : from row to row, from plane to plane; columns, rows : of the interior; corner :
-    the first interior cell.
-    """
-
-    row: int
-    next_plane: int
-    columns: int
-    rows: int
-    corner: int
-
-
 class Move(NamedTuple):
-    """One step: x or y first, dt / h, and whether the boundary reflects."""
+    """One step: x or y first, dt / h, and the time at its start."""
 
     x_first: bool
     ratio: float
-    reflecting: bool
-
-
-class Strips(NamedTuple):
-    """What threads share: `Runs` along y of all columns together, cut where they are long.
-
-    first, length, width : (T,) int64, first flat cell, rows, columns.
-    low, high : (T,) int64, number of the cut at the lower and the upper end, -1 where the run ends.
-    above : (cuts,) int64, first flat cell above each cut.
-    """
-
-    first: Indices
-    length: Indices
-    width: Indices
-    low: Indices
-    high: Indices
-    above: Indices
-
-
-def strips_of(runs: Runs, row: int, threads: int) -> Strips:
-    """Cut runs along y into strips, enough of them for all threads; `row` is from row to row."""
-    fair = -(-int(runs.length.sum()) // (_STRIPS * threads))
-    most = max(fair, _SHORTEST)
-    if runs.length.max(initial=0) <= most:
-        none = np.full(runs.first.size, -1)
-        return Strips(*runs, none, none, none[:0])
-    pieces = -(-runs.length // most)
-    run = np.repeat(np.arange(pieces.size), pieces)
-    piece = np.arange(run.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    begin, end = (k * runs.length[run] // pieces[run] for k in (piece, piece + 1))
-    first, inner = runs.first[run] + begin * row, piece > 0
-    low = np.where(inner, np.cumsum(inner) - 1, -1)
-    return Strips(first, end - begin, runs.width[run], low, np.append(low[1:], -1), first[inner])
-
-
-@functools.cache
-def whole_plane(padded: tuple[int, int], threads: int) -> tuple[Plane, Strips, Indices]:
-    """A padded r-grid (ny + 4, nx + 4) that is filled, for so many threads; see `sweep_planes`."""
-    rows, columns = (n - 2 * GHOSTS for n in padded)
-    corner = GHOSTS * (padded[1] + 1)
-    plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
-    runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
-    return plane, strips_of(runs, padded[1], threads), np.array([[[0, columns]] * rows])
+    t: float
 
 
 class _Whole(NamedTuple):
@@ -124,6 +64,7 @@ class _Whole(NamedTuple):
 
     x, y : components in the order of a sweep along x and along y.
     copies : (cuts, 4, K, row), the rows beside cuts.
+    table : of the ghosts.
     gone : (planes, rows + 2), the mass that has left through the ends of each row, and of each plane.
     """
 
@@ -136,6 +77,7 @@ class _Whole(NamedTuple):
     spans: Indices
     move: Move
     gone: Floats
+    table: GhostTable
 
 
 @inline_kernel
@@ -152,10 +94,11 @@ def _start_of(plane: Plane, cell: int) -> int:
 
 
 @view_kernel
-def _fill_row(cells: Rows, plane: Plane, span: Indices, reflecting: bool) -> None:
-    """Fill the ghosts of one row, if so much of it moves that its sweep looks there."""
-    if span[1] > 0 and (span[0] < GHOSTS or span[1] > plane.columns - GHOSTS):
-        fill_ends(cells, plane.columns, reflecting)
+def _fill_row(cells: Rows, whole: _Whole, a: int, j: int) -> None:
+    """Fill the ghosts of row j of plane a, if so much of it moves that its sweep looks there."""
+    span = whole.spans[a, j]
+    if span[1] > 0 and (span[0] < GHOSTS or span[1] > whole.plane.columns - GHOSTS):
+        fill_ends(cells, whole.table, a, j, whole.move.t)
 
 
 @view_kernel
@@ -163,13 +106,16 @@ def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) 
     """Copy a row beside a cut and, where x comes first, sweep the copy along x."""
     cut, row = task // _COPIED, task % _COPIED
     plane, move, copy = whole.plane, whole.move, whole.copies[cut, row]
-    cell = whole.strips.above[cut] + (row - GHOSTS) * plane.row
+    if row < GHOSTS:
+        cell = whole.strips.below[cut] + (row + 1 - GHOSTS) * plane.row
+    else:
+        cell = whole.strips.above[cut] + (row - GHOSTS) * plane.row
     start = _start_of(plane, cell)
     copy_row(rows_at(whole.fields, whole.x, start), rows_at(copy, whole.x, 0), plane.row)
     a, j = _line_of(plane, cell)
     if move.x_first:
         span = whole.spans[a, j]
-        _fill_row(rows_at(copy, whole.x, 0), plane, span, move.reflecting)
+        _fill_row(rows_at(copy, whole.x, 0), whole, a, j)
         if span[1] > 0:
             cells = rows_at(copy, whole.x, span[0])
             sweep_row(flux, cells, start + span[0], span[1] - span[0], move.ratio, scratch)
@@ -186,23 +132,50 @@ def _sweep_x(flux: Flux, whole: _Whole, a: int, j: int, scratch: RowScratch) -> 
         whole.gone[a, j] = sweep_row(flux, cells, first, width, whole.move.ratio, scratch)
 
 
+class _Strip(NamedTuple):
+    """One strip on its way.
+
+    a, j : its plane, and its lowest row there.
+    start : the first ghost of that row, a flat cell.
+    low, high : the cuts at its ends, -1 where there is none.
+    march : along y.
+    """
+
+    a: int
+    j: int
+    start: int
+    low: int
+    high: int
+    march: March
+
+
 @inline_kernel
-def _strip_row(whole: _Whole, march: March, cuts: tuple[int, int], column: int, row: int) -> Rows:
-    """Row number `row` of a strip; beyond a cut, its copy, of which `column` is the same cell."""
+def _strip_of(whole: _Whole, number: int) -> _Strip:
+    strips, plane = whole.strips, whole.plane
+    first = strips.first[number]
+    a, j = _line_of(plane, first)
+    march = March(first, strips.length[number], strips.width[number], plane.row)
+    return _Strip(a, j, _start_of(plane, first), strips.low[number], strips.high[number], march)
+
+
+@inline_kernel
+def _strip_row(whole: _Whole, strip: _Strip, row: int) -> Rows:
+    """Row number `row` of a strip; beyond a cut its copy, of which the same column is meant."""
+    march, column = strip.march, strip.march.first - strip.start
     rows = rows_at(whole.fields, whole.y, march.first + row * march.stride)
-    if row < 0 and cuts[0] >= 0:
-        rows = rows_at(whole.copies[cuts[0], row + GHOSTS], whole.y, column)
-    if row >= march.length and cuts[1] >= 0:
-        rows = rows_at(whole.copies[cuts[1], row - march.length + GHOSTS], whole.y, column)
+    if row < 0 and strip.low >= 0:
+        rows = rows_at(whole.copies[strip.low, row + GHOSTS], whole.y, column)
+    if row >= march.length and strip.high >= 0:
+        rows = rows_at(whole.copies[strip.high, row - march.length + GHOSTS], whole.y, column)
     return rows
 
 
 @inline_kernel
 def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
-    """Ask for one half of a row to come, if the strip has it.
+    """Prefetch one half of a row, if the strip has it.
 
-    A row at once is more than the processor can wait for; unasked, it does not read on while it works
-    on rows that are there.
+    A whole row exceeds the limit of outstanding misses, and without prefetch the hardware does not read
+    on while the rows that are there are worked on.
     """
     part = march.width // 2
     if row < march.length:
@@ -211,65 +184,75 @@ def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
 
 
 @view_kernel
-def _sweep_strip(
-    strip: int,
-    flux: Flux,
-    whole: _Whole,
-    march: March,
-    scratch: RowScratch,
-    room: Floats,
-) -> None:
-    """Sweep the rows of one strip along both directions."""
-    plane, move, length = whole.plane, whole.move, march.length
-    cuts = whole.strips.low[strip], whole.strips.high[strip]
-    a, j = _line_of(plane, march.first)
-    start = _start_of(plane, march.first)
-    column = march.first - start
-    # The lowest row of the plane, its width, and the way to the next one: ghosts lie beyond both ends.
-    lowest = march.first - j * plane.row, march.width, plane.row
-    at_low = j < GHOSTS and cuts[0] < 0
-    at_high = j + length > plane.rows - GHOSTS and cuts[1] < 0
-    if move.x_first:
-        # All at once: each by itself would wait for its row to come from memory.
-        for row in range(length):
-            cells = rows_at(whole.fields, whole.x, start + row * plane.row)
-            _fill_row(cells, plane, whole.spans[a, j + row], move.reflecting)
-    begin, ready, done = first_row(flux, whole.y, room), 0, 0
-    # Of the rows that nothing has looked at yet, the one that the next turn comes to.
-    coming = _AHEAD + 1 if move.x_first else 2
-    for row in range(begin, length + 1):
-        _fetch_half(whole, march, row + coming, 0)
-        while ready < min(row + _AHEAD, length):
-            if move.x_first:
-                _sweep_x(flux, whole, a, j + ready, scratch)
-            ready += 1
-            ends = at_low and ready == min(GHOSTS, length), at_high and ready == length
-            fill_sides(whole.fields, whole.y, lowest, plane.rows, ends, move.reflecting)
-        if move.x_first:
-            _fetch_half(whole, march, row + coming, 1)
-        three = (
-            _strip_row(whole, march, cuts, column, row - 1),
-            _strip_row(whole, march, cuts, column, row),
-            _strip_row(whole, march, cuts, column, row + 1),
-        )
-        if row == begin:
-            begin_march(flux, three[0], three[1], room)
-        cell = march.first + row * plane.row
-        through = step_march(flux, whole.y, three, cell, march, row, move.ratio, room)
-        # Runs that end elsewhere end in vacuum.
-        if row == 0 and j == 0:
-            whole.gone[a, plane.rows] = through
-        if row == length and j + length == plane.rows:
-            whole.gone[a, plane.rows + 1] = through
-        if not move.x_first:
-            _fetch_half(whole, march, row + coming, 1)
-        # X follows a row behind y: what has just been written is not read at once.
-        while done < (row if row == length or move.x_first else row - 1):
-            if not move.x_first:
-                cells = rows_at(whole.fields, whole.x, start + done * plane.row)
-                _fill_row(cells, plane, whole.spans[a, j + done], move.reflecting)
-                _sweep_x(flux, whole, a, j + done, scratch)
-            done += 1
+def _fill_beside(whole: _Whole, strip: _Strip, low: bool, high: bool) -> None:
+    """Fill the rows of ghosts at the lower and the upper end of a strip, where the strip looks at them."""
+    plane, march = whole.plane, strip.march
+    ends = (
+        low and strip.j < GHOSTS and strip.low < 0,
+        high and strip.j + march.length > plane.rows - GHOSTS and strip.high < 0,
+    )
+    start = plane.corner - GHOSTS * (plane.row + 1) + strip.a * plane.next_plane
+    columns = march.first - strip.start - GHOSTS, march.width
+    fill_sides(whole.fields, whole.y, whole.table, (strip.a, start), columns, ends, whole.move.t)
+
+
+@view_kernel
+def _step_y(flux: Flux, whole: _Whole, strip: _Strip, row: int, room: Floats) -> None:
+    """Take the march along y one row further: row - 1 gets what both its faces let through."""
+    march, plane = strip.march, whole.plane
+    three = (
+        _strip_row(whole, strip, row - 1),
+        _strip_row(whole, strip, row),
+        _strip_row(whole, strip, row + 1),
+    )
+    if row == first_row(flux, whole.y, room):
+        begin_march(flux, three[0], three[1], room)
+    cell = march.first + row * march.stride
+    through = step_march(flux, whole.y, three, cell, march, row, whole.move.ratio, room)
+    # Runs that end elsewhere end in vacuum; what passes a seam stays.
+    if row == 0 and strip.j == 0 and strip.low < 0:
+        whole.gone[strip.a, plane.rows] = through
+    if row == march.length and strip.j + row == plane.rows and strip.high < 0:
+        whole.gone[strip.a, plane.rows + 1] = through
+
+
+@view_kernel
+def _x_then_y(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, room: Floats) -> None:
+    """Sweep along x some rows ahead of the march along y."""
+    march = strip.march
+    # All ghosts at once: one by one, each would wait for its row to come from memory.
+    for row in range(march.length):
+        cells = rows_at(whole.fields, whole.x, strip.start + row * march.stride)
+        _fill_row(cells, whole, strip.a, strip.j + row)
+    swept = 0
+    for row in range(first_row(flux, whole.y, room), march.length + 1):
+        _fetch_half(whole, march, row + ROWS_AHEAD + 1, 0)
+        while swept < min(row + ROWS_AHEAD, march.length):
+            _sweep_x(flux, whole, strip.a, strip.j + swept, scratch)
+            swept += 1
+            # Ghosts follow from rows that have been swept along x, and not yet along y.
+            low, high = swept == min(GHOSTS, march.length), swept == march.length
+            if low or high:
+                _fill_beside(whole, strip, low, high)
+        _fetch_half(whole, march, row + ROWS_AHEAD + 1, 1)
+        _step_y(flux, whole, strip, row, room)
+
+
+@view_kernel
+def _y_then_x(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, room: Floats) -> None:
+    """Sweep along x a row behind the march along y: what has just been written is not read at once."""
+    march, swept = strip.march, 0
+    _fill_beside(whole, strip, True, True)
+    for row in range(first_row(flux, whole.y, room), march.length + 1):
+        _fetch_half(whole, march, row + GHOSTS, 0)
+        _step_y(flux, whole, strip, row, room)
+        _fetch_half(whole, march, row + GHOSTS, 1)
+        # The march has left row - 1 behind; at its end that is all there is.
+        while swept < (row if row == march.length else row - 1):
+            cells = rows_at(whole.fields, whole.x, strip.start + swept * march.stride)
+            _fill_row(cells, whole, strip.a, strip.j + swept)
+            _sweep_x(flux, whole, strip.a, strip.j + swept, scratch)
+            swept += 1
 
 
 @parallel_kernel
@@ -280,12 +263,15 @@ def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole]) -> N
         _copy_beside_cut(signed(task), flux, whole, row_scratch(whole.plane.row))
     for task in numba.prange(strips):
         flux, whole = unpack(packed)
-        cut, row = whole.strips, whole.plane.row
-        march = March(cut.first[task], cut.length[task], cut.width[task], row)
+        strip, row = _strip_of(whole, signed(task)), whole.plane.row
+        march = strip.march
         # Not beyond the last cell of all, where the march looks at the row above the last one.
         left = whole.fields.shape[1] - march.first - (march.length + 1) * row
         room = march_workspace(whole.y, min(round_up_to_vectors(march.width), left))
-        _sweep_strip(signed(task), flux, whole, march, row_scratch(row), room)
+        if whole.move.x_first:
+            _x_then_y(flux, whole, strip, row_scratch(row), room)
+        else:
+            _y_then_x(flux, whole, strip, row_scratch(row), room)
 
 
 def sweep_planes(
@@ -295,6 +281,7 @@ def sweep_planes(
     strips: Strips,
     spans: Indices,
     move: Move,
+    table: GhostTable,
 ) -> float:
     """Transport along x and y, in place, ghosts included; as sweeps along one and the other would.
 
@@ -307,10 +294,13 @@ def sweep_planes(
     plane : Plane
     strips : Strips
         Of all columns where mass is before or after the march along y. No run may be a neighbour of
-        another along y.
+        another along y. Cut at the seam where the table has y periodic.
     spans : (planes, rows, 2) int64
-        First column and end of what moves along x in each row; the end is 0 where nothing does.
+        First column and end of what moves along x in each row; the end is 0 where nothing does. Where
+        x is periodic, all of a row that moves up to an end of it.
     move : Move
+    table : GhostTable
+        Of the grid.
 
     Returns
     -------
@@ -322,7 +312,7 @@ def sweep_planes(
     x, y = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
     cuts, longest = strips.above.size, round_up_to_vectors(plane.row) + DOUBLES
     copies = np.empty((cuts, _COPIED, len(x), longest))
-    whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone)
+    whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone, table)
     with small_chunks(strips.first.size):
         _sweep_planes(cuts * _COPIED, strips.first.size, (flux, whole))
     return float(gone.sum())

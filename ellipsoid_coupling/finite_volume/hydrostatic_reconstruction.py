@@ -3,7 +3,8 @@
     g = h/2 (F_i + F_{i+1}) + w (psi_i - psi_{i+1}),    psi = U * q, w = 1/m or 1/I_c
 
 The trapezoidal rule for fluid, outer potentials and walls, the difference itself for the
-interaction. Across an open edge the work is 0; in wall ghosts it is the mirrored work with opposite sign:
+interaction. Across a periodic side it is the work to the other side, across any other side 0; in
+wall ghosts it is the mirrored work with opposite sign:
 
     cells     -2    -1  |  0     1     2 ...            | wall
     work    -g_0     0  | g_0   g_1   g_2               g_i leads from cell i to cell i + 1
@@ -26,12 +27,16 @@ from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL
 from ellipsoid_coupling.physics.elementary import exp_of_negative
+from ellipsoid_coupling.scenes.sides import AtSide
 
 Floats = NDArray[np.float64]
 
 # Work beyond this, in units of the temperature, acts as a plain force: there one cell's equilibrium
 # says nothing about its neighbour.
 STEEPEST = 4.0
+# What an end of x or y does with the work.
+PASSES, MIRRORS, WRAPS = range(3)
+WORK_AT: dict[AtSide, int] = {"leave": PASSES, "reflect": MIRRORS, "wrap": WRAPS}
 _RANGE = 0.5 * STEEPEST
 _EXP_RANGE = math.exp(_RANGE)
 
@@ -70,14 +75,16 @@ def _set_run(
 
 
 @kernel
-def _source(padded: int, count: int, reflecting: bool) -> tuple[int, float]:
+def _source(padded: int, count: int, ends: tuple[int, int]) -> tuple[int, float]:
     """The cell whose work a padded one of `count` cells in space holds, and its sign, 0 for none."""
     own = padded - GHOSTS
     if 0 <= own < count - 1:
         return own, 1.0
-    if reflecting and count > 1 and own == -GHOSTS:
+    if ends[0] == WRAPS and -GHOSTS <= own < count + GHOSTS:
+        return own % count, 1.0
+    if ends[0] == MIRRORS and count > 1 and own == -GHOSTS:
         return 0, -1.0
-    if reflecting and count > 1 and own == count:
+    if ends[1] == MIRRORS and count > 1 and own == count:
         return count - 2, -1.0
     return 0, 0.0
 
@@ -119,7 +126,7 @@ def _set_between(
 def _set_along_x(
     forces: _Forces,
     line: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     padded: tuple[int, int],
     out: Floats,
@@ -129,19 +136,20 @@ def _set_along_x(
     a, j = line // ny, line % ny
     row = (a + GHOSTS) * padded[0] + (j + GHOSTS) * padded[1]
     _set_between(forces, (a, j, 0), (a, j, 1), weights, nx - 1, out, row + GHOSTS)
-    # Beyond a wall the mirror image: the same work, the other way.
-    back = -weights[0], -weights[1]
-    for end in (0, nx + GHOSTS):
-        i, sign = _source(end, nx, reflecting)
-        if sign < 0.0:
-            _set_between(forces, (a, j, i), (a, j, i + 1), back, 1, out, row + end)
+    # Beyond a wall the mirror image: the same work, the other way. Beyond a periodic side that of the
+    # other one; the last cell's work then leads to the first cell.
+    for end in (0, 1, nx + 1, nx + GHOSTS, nx + GHOSTS + 1):
+        i, sign = _source(end, nx, ends)
+        if sign != 0.0:
+            signed, beyond = (sign * weights[0], sign * weights[1]), (a, j, (i + 1) % nx)
+            _set_between(forces, (a, j, i), beyond, signed, 1, out, row + end)
 
 
 @kernel
 def _set_along_y(
     forces: _Forces,
     line: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     padded: tuple[int, int],
     out: Floats,
@@ -149,12 +157,12 @@ def _set_along_y(
     """From one row to the next, number `line` of (angle, padded y)."""
     _, ny, nx = forces.pull.shape
     a, row = line // (ny + 2 * GHOSTS), line % (ny + 2 * GHOSTS)
-    j, sign = _source(row, ny, reflecting)
+    j, sign = _source(row, ny, ends)
     if sign != 0.0:
         # Sums and differences of forces change sign exactly, so mirrored work does as well.
         signed = sign * weights[0], sign * weights[1]
         start = (a + GHOSTS) * padded[0] + row * padded[1] + GHOSTS
-        _set_between(forces, (a, j, 0), (a, j + 1, 0), signed, nx, out, start)
+        _set_between(forces, (a, j, 0), (a, (j + 1) % ny, 0), signed, nx, out, start)
 
 
 @kernel
@@ -176,7 +184,7 @@ def _set_work(
     potential: Floats | None,
     distinct: int,
     axis: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     out: Floats,
 ) -> None:
@@ -188,9 +196,9 @@ def _set_work(
     for line in numba.prange(lines):
         forces, number = _Forces(pull, potential, distinct), signed(line)
         if axis == -1:
-            _set_along_x(forces, number, reflecting, weights, (plane, row), out)
+            _set_along_x(forces, number, ends, weights, (plane, row), out)
         elif axis == -2:
-            _set_along_y(forces, number, reflecting, weights, (plane, row), out)
+            _set_along_y(forces, number, ends, weights, (plane, row), out)
         else:
             _set_along_angle(forces, number, weights, (plane, row), out)
 
@@ -199,7 +207,7 @@ def set_work(
     pull: Floats,
     potential: Floats | None,
     axis: int,
-    reflecting: bool,
+    ends: tuple[int, int],
     weights: tuple[float, float],
     out: Floats,
 ) -> None:
@@ -213,8 +221,8 @@ def set_work(
         U * q of the angles that it tells apart.
     axis : int
         -1 for x, -2 for y, -3 for the angle, which is periodic.
-    reflecting : bool
-        The boundary in x and y.
+    ends : (int, int)
+        What the lower and the upper end of x or y do: PASSES, MIRRORS or WRAPS.
     weights : (float, float)
         h/2 and w.
     out : (2, (na + 4) (ny + 4) (nx + 4))
@@ -222,7 +230,7 @@ def set_work(
         have: 1 and 0.
     """
     distinct = 1 if potential is None else potential.shape[0]
-    _set_work(pull, potential, distinct, axis, reflecting, weights, out)
+    _set_work(pull, potential, distinct, axis, ends, weights, out)
 
 
 @inline_kernel

@@ -166,26 +166,33 @@ def occupied_extents(fields: Floats, within: Extents | None = None) -> Extents:
     return extents
 
 
-def grown(extents: Extents, columns: int, axis: int) -> Extents:
-    """One more cell at both ends along an axis; the angle is periodic, x (`columns` cells) and y end."""
+def grown(extents: Extents, columns: int, axis: int, periodic: bool = False) -> Extents:
+    """One more cell at both ends along an axis.
+
+    The angle is periodic; x (`columns` cells) and y end, or are periodic as well. A row of a periodic x
+    whose mass comes to an end of it is taken as a whole: an interval cannot go on at the other end.
+    """
     wider = np.empty(extents.shape, np.int64)
-    _grow(extents, columns, axis, wider)
+    _grow(extents, columns, axis, periodic, wider)
     return wider
 
 
 @kernel
-def _grow(extents: Extents, columns: int, axis: int, wider: Extents) -> None:
+def _grow(extents: Extents, columns: int, axis: int, periodic: bool, wider: Extents) -> None:
     angles, rows = extents.shape[:2]
     for a in range(angles):
         for j in range(rows):
             first, end = extents[a, j, 0], extents[a, j, 1]
             if axis == -1 and end > 0:
+                whole = periodic and (first == 0 or end == columns)
                 first, end = max(first - 1, 0), min(end + 1, columns)
+                if whole:
+                    first, end = 0, columns
             for step in (-1, 1):
                 if axis == -3:
                     beside = extents[(a + step) % angles, j]
                     first, end = min(first, beside[0]), max(end, beside[1])
-                elif axis == -2 and 0 <= j + step < rows:
-                    beside = extents[a, j + step]
+                elif axis == -2 and (periodic or 0 <= j + step < rows):
+                    beside = extents[a, (j + step) % rows]
                     first, end = min(first, beside[0]), max(end, beside[1])
             wider[a, j, 0], wider[a, j, 1] = first, end

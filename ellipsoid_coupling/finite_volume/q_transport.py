@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
-from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, Plane, strips_of, sweep_planes
+from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, grown
+from ellipsoid_coupling.finite_volume.strips import Plane, strips_of
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
+from ellipsoid_coupling.geometry.ghost_table import GhostTable
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +25,8 @@ def transport(
     axis: int,
     ratio: float,
     extents: Extents,
-    reflecting: bool,
+    table: GhostTable,
+    t: float,
     left: Floats | None = None,
 ) -> Extents:
     """One step of `flux` along one axis, in place; returns the extents that hold the mass now.
@@ -40,16 +43,19 @@ def transport(
         dt / cell width along the axis.
     extents : (na, ny, 2) int64
         Hold all mass before the step.
-    reflecting : bool
-        The boundary in x and y: reflecting or open.
+    table : GhostTable
+        Of the grid: what happens at the ends of x and y.
+    t : float
+        The time at the start of the step.
     left : (1,) float64, optional
-        What leaves through open boundaries is added, in units of a cell's density.
+        What leaves through the boundary is added, unless that is closed, in units of a cell's density.
     """
     components, *padded = fields.shape
     normal = NORMAL[axis]
-    extents = grown(extents, padded[2] - 2 * GHOSTS, axis)
+    periodic = axis != -3 and table.kinds.wraps(axis)
+    extents = grown(extents, padded[2] - 2 * GHOSTS, axis, periodic)
     if axis != -3 and _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
-        fill_ghosts(fields, axis + 4, reflecting, normal)
+        fill_ghosts(fields, axis, table, t)
     row, plane = padded[2], padded[1] * padded[2]
     stride = {-1: 1, -2: row, -3: plane}[axis]
     ring = (_corner(row, plane), extents.shape[0] * plane) if axis == -3 else (0, 0)
@@ -57,7 +63,7 @@ def transport(
     if runs.first.size:
         flat = fields.reshape(components, -1)
         gone = sweep_runs(flux, flat, runs, stride, normal, ratio, ring)
-        if left is not None and axis != -3 and not reflecting:
+        if left is not None and axis != -3 and not table.kinds.closed:
             left += gone
     return extents
 
@@ -67,22 +73,24 @@ def transport_in_plane(
     fields: Floats,
     move: Move,
     extents: Extents,
+    table: GhostTable,
     left: Floats | None = None,
 ) -> Extents:
     """`transport` along x and y in one pass; see there and `fused_xy_sweep.Move`."""
     components, *padded = fields.shape
     columns, rows = padded[2] - 2 * GHOSTS, padded[1] - 2 * GHOSTS
     row, plane = padded[2], padded[1] * padded[2]
-    first = grown(extents, columns, -1 if move.x_first else -2)
-    second = grown(first, columns, -2 if move.x_first else -1)
+    kinds, axes = table.kinds, (-1, -2) if move.x_first else (-2, -1)
+    first = grown(extents, columns, axes[0], kinds.wraps(axes[0]))
+    second = grown(first, columns, axes[1], kinds.wraps(axes[1]))
     along_x, along_y = (first, second) if move.x_first else (second, first)
     runs = bundle_runs(along_y, row, plane, -2, columns)
     if runs.first.size:
         planes = Plane(row, plane, columns, rows, _corner(row, plane))
         flat = fields.reshape(components, -1)
-        strips = strips_of(runs, row, numba.get_num_threads())
-        gone = sweep_planes(flux, flat, planes, strips, along_x, move)
-        if left is not None and not move.reflecting:
+        strips = strips_of(runs, planes, kinds.wraps(-2), numba.get_num_threads())
+        gone = sweep_planes(flux, flat, planes, strips, along_x, move, table)
+        if left is not None and not kinds.closed:
             left += gone
     return second
 

@@ -43,7 +43,12 @@ from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits, face_factor
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
-from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import set_ahead, set_work
+from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
+    WORK_AT,
+    WRAPS,
+    set_ahead,
+    set_work,
+)
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, Q
 from ellipsoid_coupling.finite_volume.sources import (
     Work,
@@ -54,6 +59,7 @@ from ellipsoid_coupling.finite_volume.sources import (
     treat,
 )
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
+from ellipsoid_coupling.geometry.boundaries import at_side
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.angular import angular_energy
@@ -170,7 +176,14 @@ class WellBalancedHeun:
         if axis == -3:
             fill_periodic(system.fields, 1)
         else:
-            fill_ghosts(system.fields, axis + 4, system.reflecting, NORMAL[axis])
+            fill_ghosts(system.fields, axis, system.ghosts, system.time)
+
+    def _ends(self, axis: int) -> tuple[int, int]:
+        """What the ends of an axis do with the work, see `set_work`."""
+        if axis == -3:
+            return WRAPS, WRAPS
+        low, high = self._system.ghosts.kinds.ends(axis)
+        return WORK_AT[at_side(low)], WORK_AT[at_side(high)]
 
     def _weight(self, axis: int) -> float:
         terms = self._system.terms
@@ -180,9 +193,11 @@ class WellBalancedHeun:
         if potential is None:
             return
         for d, axis in enumerate(self._system.axes):
-            # Only the angle is periodic: nothing acts across the ends of x and y.
-            # The rise from the last angle to the first one counts as well.
-            closed = np.concatenate((potential, potential[:1])) if axis == -3 else potential
+            # From the last cell to the first one only where the axis is periodic.
+            closed = potential
+            if self._ends(axis)[0] == WRAPS:
+                first = np.take(potential, [0], axis)
+                closed = np.concatenate((potential, first), axis)
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
@@ -190,7 +205,7 @@ class WellBalancedHeun:
         """Both stages along an axis, from the fields as they are, of which `before` is a copy."""
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
-        set_work(self._steady[-1 - axis], potential, axis, system.reflecting, weights, work)
+        set_work(self._steady[-1 - axis], potential, axis, self._ends(axis), weights, work)
         flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
         stage = _Stage(dt / system.grid.width(axis), *_exponential_weights(rate, dt))

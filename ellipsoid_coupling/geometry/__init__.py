@@ -1,1 +1,1 @@
-"""The plane that all models share: walls that reflect, and the bins that all results are counted in."""
+"""The plane that all models share: what happens at its sides, and the bins that results are counted in."""

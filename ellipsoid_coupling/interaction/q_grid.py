@@ -80,6 +80,8 @@ class AngleGridInteraction:
     quantity : "forces" or "potential"
     tolerance : float
         Relative to the largest value. From 1e-4 on, single precision is taken.
+    periods : (bool, bool)
+        Whether y and x are periodic, with an even number of cells.
 
     Raises
     ------
@@ -95,6 +97,7 @@ class AngleGridInteraction:
         strength: float,
         quantity: Quantity = "forces",
         tolerance: float = 0.0,
+        periods: tuple[bool, bool] = (False, False),
     ) -> None:
         check_grid((min(grid_shape[:2]), grid_shape[2]), h)
         self.grid_shape = grid_shape
@@ -105,7 +108,7 @@ class AngleGridInteraction:
         self._precision: Precision = precision_for(tolerance, h * h, shape.size, strength)
         # The kernels hold the factor of the sum, so that products need no scaling.
         self._kernels = AngleKernels(grid_shape, h, shape, sign * scale, quantity, self._precision)
-        self._spectra = FittedSpectra(grid_shape[1:], self._kernels.cells, self._kernels)
+        self._spectra = FittedSpectra(grid_shape[1:], self._kernels.cells, self._kernels, periods)
         self._transforms = Transforms(self._precision)
         self._integral: Real | None = None
         self._filled: Box | None = None

@@ -52,6 +52,8 @@ class HarmonicInteraction:
         eps0.
     series : AngularSeries
         For the grid's spacing.
+    periods : (bool, bool)
+        Whether y and x are periodic, with an even number of cells.
 
     Attributes
     ----------
@@ -64,14 +66,20 @@ class HarmonicInteraction:
         A grid without cells or spacing; fields of another shape.
     """
 
-    def __init__(self, grid_shape: tuple[int, int], strength: float, series: AngularSeries) -> None:
+    def __init__(
+        self,
+        grid_shape: tuple[int, int],
+        strength: float,
+        series: AngularSeries,
+        periods: tuple[bool, bool] = (False, False),
+    ) -> None:
         check_grid(grid_shape, series.h)
         self.grid_shape = grid_shape
         self.series = series
         sizes = series.h**2, series.shape.size, strength
         self.precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self.precision)
-        spectra = FittedSpectra(grid_shape, kernel.cells, kernel)
+        spectra = FittedSpectra(grid_shape, kernel.cells, kernel, periods)
         self._convolve = Convolution(spectra, self.precision)
         self._pool = BufferPool()
 

@@ -10,6 +10,7 @@ from ellipsoid_coupling.interaction.convolution.fft_lengths import padded_length
 from ellipsoid_coupling.interaction.convolution.spectra import LEAST_SINGLE_TOLERANCE
 from ellipsoid_coupling.interaction.direct import DirectInteraction
 from ellipsoid_coupling.interaction.grid_forces import GridInteraction, check_grid, half_widths
+from ellipsoid_coupling.interaction.periodic import ContinuedInteraction, Periods
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction
 from ellipsoid_coupling.physics.potential import PotentialShape
 
@@ -30,6 +31,7 @@ def choose_interaction(
     strength: float,
     tolerance: float,
     method: Method = "auto",
+    periods: Periods = (False, False),
 ) -> GridInteraction:
     """The interaction integral of `GridInteraction` within `tolerance` (see `angular_series`).
 
@@ -49,6 +51,7 @@ def choose_interaction(
         Largest error in units of max(density) * eps0 h^2 * (sum of the kernel's largest absolute
         values over angles), the latter for force and torque each.
     method : "auto", "direct" or "harmonics"
+    periods : whether y and x are periodic, with an even number of cells.
 
     Raises
     ------
@@ -62,11 +65,11 @@ def choose_interaction(
     if not tolerance > 0.0:
         raise InputError("tolerance", "a positive number", f"{tolerance}", "Try 5e-3.")
     if method == "direct":
-        return DirectInteraction(grid_shape, h, shape, strength)
+        return _direct(grid_shape, h, shape, strength, periods)
     most = _most_harmonics(grid_shape, h, shape, tolerance, cheap=method == "auto")
     series = angular_series(shape, h, tolerance, most)
     if series is not None:
-        return HarmonicInteraction(grid_shape, strength, series)
+        return HarmonicInteraction(grid_shape, strength, series, periods)
     if method == "harmonics":
         raise InputError(
             "interaction by harmonics",
@@ -74,7 +77,18 @@ def choose_interaction(
             f"{tolerance}",
             "Raise the tolerance or take the direct sum.",
         )
-    return DirectInteraction(grid_shape, h, shape, strength)
+    return _direct(grid_shape, h, shape, strength, periods)
+
+
+def _direct(
+    grid_shape: tuple[int, int], h: float, shape: PotentialShape, strength: float, periods: Periods
+) -> GridInteraction:
+    def make(cells: tuple[int, int]) -> GridInteraction:
+        return DirectInteraction(cells, h, shape, strength)
+
+    if not any(periods):
+        return make(grid_shape)
+    return ContinuedInteraction(grid_shape, periods, half_widths(shape, h).size - 1, make)
 
 
 def _most_harmonics(

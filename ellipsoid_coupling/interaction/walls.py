@@ -25,8 +25,8 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.grid_forces import Array, half_widths
 from ellipsoid_coupling.interaction.wall_table import WALL_FRAMES, WallTable, tabulate_wall
 from ellipsoid_coupling.physics.potential import PotentialShape
+from ellipsoid_coupling.scenes.sides import SideName
 
-Side = Literal["left", "right", "bottom", "top"]
 Interval = tuple[float, float]
 
 
@@ -75,7 +75,7 @@ class Walls:
     """
 
     domain: tuple[Interval, Interval]
-    sides: tuple[Side, ...]
+    sides: tuple[SideName, ...]
     length: float
     shape: PotentialShape
     strength: float
@@ -99,23 +99,6 @@ class Walls:
             raise InputError(
                 "walls.ghost_density", "matched or paper", repr(self.ghost_density), "Name one."
             )
-
-    @property
-    def ghost_weight(self) -> float:
-        """What U/eps0 of a ghost particle is multiplied with: strength_factor * eps0 / N."""
-        return self.strength_factor * self.strength / self.particles
-
-    def reflecting_bounds(self) -> tuple[Interval, Interval]:
-        """((x_low, x_high), (y_low, y_high)) for `reflect`; infinite where there is no wall."""
-        (left, right), (bottom, top) = self.domain
-        wall = {
-            "left": (left, -math.inf),
-            "right": (right, math.inf),
-            "bottom": (bottom, -math.inf),
-            "top": (top, math.inf),
-        }
-        low_x, high_x, low_y, high_y = (at[side not in self.sides] for side, at in wall.items())
-        return (low_x, high_x), (low_y, high_y)
 
     def ghost_particles(self) -> GhostParticles:
         """Particles at distances L along each wall, as many as fit best, centred.
@@ -166,10 +149,10 @@ class Walls:
         scale = self.strength_factor * self.strength * self.density(h) * h * h
         return tabulate_wall(self.sides, h, half_widths(self.shape, h), self.shape, scale)
 
-    def _extent(self, side: Side) -> Interval:
+    def _extent(self, side: SideName) -> Interval:
         return self.domain[1] if side in ("left", "right") else self.domain[0]
 
-    def _place(self, side: Side, along: Array, beyond: Array) -> Array:
+    def _place(self, side: SideName, along: Array, beyond: Array) -> Array:
         """(3, n) of x, y, angle for points `along` a wall and `beyond` it."""
         (left, right), (bottom, top) = self.domain
         angle = np.full(along.shape, 0.5 * np.pi if side in ("left", "right") else 0.0)

@@ -51,6 +51,8 @@ class Health(NamedTuple):
         well.
     outside : int
         Coordinates of particles beyond reflecting walls; 0 for grids and for open edges.
+    left : float
+        Of grids the mass that has left through the boundary, less what came in; 0 for particles.
     """
 
     mass: float
@@ -58,6 +60,7 @@ class Health(NamedTuple):
     speeds: tuple[float, float]
     forces: tuple[float, float]
     outside: int = 0
+    left: float = 0.0
 
 
 class Model(Protocol):

@@ -117,10 +117,13 @@ class CellModel:
 
     def allowed_step(self) -> tuple[float, int]:
         """What the CFL number, the force and the torque allow."""
-        return self.stepper.largest_step
+        cells = self.cells
+        inflow = cells.ghosts.kinds.inflow_step(cells.cfl * cells.grid.plane.cell)
+        return min(self.stepper.largest_step, (inflow, CFL_LIMIT))
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all as before, if the stepper finds that it was too long."""
+        self.cells.time = self.time
         if not self.stepper.step(dt, int(self.clock[0, STEPS])):
             return False
         if self._crossing is not None:
@@ -172,7 +175,9 @@ class CellModel:
         cells = self.cells
         planes = cells.fields if cells.grid.angle_resolved else cells.fields[:, 0]
         mass, least, speeds = survey_cells(planes)
-        return Health(mass * cells.grid.volume, least, speeds, self._force_bounds())
+        return Health(
+            mass * cells.grid.volume, least, speeds, self._force_bounds(), left=cells.mass_left
+        )
 
     def _force_bounds(self) -> tuple[float, float]:
         """Of the drift, per mass and per inertia."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.sides import SideName
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +28,12 @@ _TIGHT = 5e-3
 _POINTS = 401
 
 # Name, axis, and which end of it.
-_SIDES = (("left", 0, 0), ("right", 0, 1), ("bottom", 1, 0), ("top", 1, 1))
+_SIDES: tuple[tuple[SideName, int, int], ...] = (
+    ("left", 0, 0),
+    ("right", 0, 1),
+    ("bottom", 1, 0),
+    ("top", 1, 1),
+)
 
 
 def rectangle(flow: FlowField) -> str:
@@ -40,7 +46,7 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
     """Whether particles of the scene can leave the region in which the flow is known."""
     if flow is None or math.isinf(flow.bounds[0]):
         return False
-    if scene.domain.boundary == "open" or not flow.arrays.mask.all():
+    if scene.has_sides("leave") or not flow.arrays.mask.all():
         return True
     x, y, arrays = scene.domain.x, scene.domain.y, flow.arrays
     within_x = arrays.x_low <= x[0] and x[1] <= arrays.x_high
@@ -48,7 +54,7 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
 
 
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
-    """Refuse a flow without [flow], [flow] without a flow, and walls where the flow has none.
+    """Refuse a flow without [flow], [flow] without a flow, walls where the flow has none, and jumps.
 
     Raises
     ------
@@ -59,10 +65,14 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
         expected = "a flow for its [flow] section" if flow is None else "no flow"
         remedy = "Give the scene's flow." if flow is None else "Leave out the flow."
         raise InputError(f"scene {scene.name}", expected, found, remedy)
-    if flow is None or scene.domain.boundary != "reflecting" or math.isinf(flow.bounds[0]):
+    if flow is None:
+        return
+    _require_periodic(scene, flow)
+    if math.isinf(flow.bounds[0]):
         return
     for name, axis, end in _SIDES:
-        wrong = _no_wall(scene, flow, axis, end)
+        reflects = scene.sides[name].particles == "reflect"
+        wrong = _no_wall(scene, flow, axis, end) if reflects else ""
         if wrong:
             raise InputError(
                 f"scene {scene.name}, key domain.boundary",
@@ -70,6 +80,29 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
                 f"none on the {name}: {wrong}",
                 'Set domain.boundary = "open", make the domain the flow\'s rectangle '
                 f"{rectangle(flow)}, or give another flow.",
+            )
+
+
+def _require_periodic(scene: Scene, flow: FlowField) -> None:
+    """Refuse a flow that is not the same on both of two periodic sides."""
+    boxes = scene.domain.x, scene.domain.y
+    lower: tuple[SideName, SideName] = ("left", "bottom")
+    for axis, name in enumerate(lower):
+        if scene.sides[name].particles != "wrap":
+            continue
+        along = np.linspace(*boxes[1 - axis], _POINTS)
+        ends = [
+            flow.evaluate(*((at, along) if axis == 0 else (along, at)))
+            for at in (np.full(_POINTS, end) for end in boxes[axis])
+        ]
+        velocities = np.array([(end.velocity_x, end.velocity_y) for end in ends])
+        jump = float(np.abs(velocities[1] - velocities[0]).mean())
+        if jump > _TIGHT * np.abs(velocities).max():
+            raise InputError(
+                f"scene {scene.name}, key boundaries.{name}.kind (or domain.boundary)",
+                "a flow that is the same on both periodic sides",
+                f"velocities that differ by {jump:.3g} on the mean",
+                "Take another kind of boundary, or give a flow with this period.",
             )
 
 

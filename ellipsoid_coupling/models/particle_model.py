@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
+from ellipsoid_coupling.geometry.boundaries import reflecting_box
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.flow_fit import rectangle, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_mesh, scene_rates
 from ellipsoid_coupling.models.kind import ModelKind
+from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
@@ -68,9 +70,10 @@ class ParticleModel(ABC):
         # How many blocks of noise each clock has used.
         self._noise_blocks = np.zeros(len(state.clock), np.int64)
 
-    @staticmethod  # noqa: B027 (some model may refuse scenes)
-    def require_fit(setup: Setup) -> None:
-        """Every scene fits."""
+    @classmethod
+    def require_fit(cls, setup: Setup) -> None:
+        """Raise InputError for periodic sides."""
+        require_no_period(setup.scene, cls.kinds[0].name)
 
     @property
     def time(self) -> float:
@@ -208,9 +211,9 @@ def scene_limits(setup: Setup, number: int) -> Limits:
 
     number : how many particles share the interaction's strength
     """
-    numerics, domain = setup.scene.numerics, setup.scene.domain
+    numerics = setup.scene.numerics
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])[: 3 if setup.terms.angle else 2]
-    box = np.array([domain.x, domain.y]) if setup.terms.reflection else None
+    box = reflecting_box(setup.scene)
     contact = scene_contact(setup, scale, number)
     mesh = scene_mesh(setup)
     return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact)
@@ -272,14 +275,14 @@ def _where(state: ParticleState, setup: Setup, name: str, block: int | None) -> 
 
 
 def require_none_left(state: ParticleState, setup: Setup, name: str) -> None:
-    """Where the scene reflects, nothing may leave the flow's mesh.
+    """Where no side can be left, nothing may leave the flow's mesh.
 
     Raises
     ------
     RunError
         With the place of the first particle that has.
     """
-    if not setup.terms.reflection or state.frozen is None or not state.frozen.any():
+    if setup.scene.has_sides("leave") or state.frozen is None or not state.frozen.any():
         return
     assert setup.flow is not None
     block, i = (int(index) for index in np.argwhere(state.frozen)[0])

@@ -18,6 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.finite_volume.boundary import grid_ghosts
 from ellipsoid_coupling.finite_volume.cell_acceleration import largest_outer_torque
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
@@ -25,6 +26,7 @@ from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, check_angles, start_angles
 from ellipsoid_coupling.finite_volume.system import System, q_system
+from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import distinct_angles
 from ellipsoid_coupling.interaction.occupied import occupied_box
@@ -33,6 +35,7 @@ from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.periodic import periodic_axes, require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.models.summation import q_tolerance
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
@@ -59,7 +62,7 @@ class QEquation(CellModel):
             system=system,
             grid=grid,
             terms=scene_cell_terms(setup, grid.plane),
-            reflecting=setup.terms.reflection,
+            ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
                 _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape)
@@ -79,6 +82,7 @@ class QEquation(CellModel):
     def require_fit(cls, setup: Setup) -> None:
         """Raise InputError for a grid or a flux that does not fit, or too few angles."""
         grid = _scene_q_grid(setup.scene)
+        require_room(setup.scene, grid.plane)
         if setup.terms.angle and grid.angles > 1:
             check_angles(setup.scene.name, grid.angles)
         flux_of(cls.system(setup), setup)
@@ -152,8 +156,10 @@ def _interaction(
     if scene.interaction is None:
         return None
     quantity, strength = stepper_of(system, setup.scheme).quantity, scene.interaction.strength
-    tolerance = q_tolerance(scene, system.pressure)
-    return AngleGridInteraction(grid.shape, grid.plane.cell, shape, strength, quantity, tolerance)
+    tolerance, periods = q_tolerance(scene, system.pressure), periodic_axes(scene)
+    return AngleGridInteraction(
+        grid.shape, grid.plane.cell, shape, strength, quantity, tolerance, periods
+    )
 
 
 def _start(grid: QGrid, scene: Scene) -> Floats:

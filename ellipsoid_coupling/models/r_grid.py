@@ -8,17 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.threads import threads_for
+from ellipsoid_coupling.finite_volume.boundary import grid_ghosts
 from ellipsoid_coupling.finite_volume.cell_forces import MeanAngleForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
 from ellipsoid_coupling.finite_volume.system import System, rho_system
+from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.periodic import periodic_axes, require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.physics.potential import potential_shape
 
@@ -46,7 +49,7 @@ class RGridEquation(CellModel):
             system=self.system(setup),
             grid=RGrid(plane),
             terms=scene_cell_terms(setup, plane),
-            reflecting=setup.terms.reflection,
+            ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
         )
@@ -63,8 +66,8 @@ class RGridEquation(CellModel):
 
     @classmethod
     def require_fit(cls, setup: Setup) -> None:
-        """Raise InputError where the cells do not divide the domain, or for a flux that does not fit."""
-        scene_grid(setup.scene)
+        """Raise InputError for cells or a flux that do not fit."""
+        require_room(setup.scene, scene_grid(setup.scene))
         flux_of(cls.system(setup), setup)
 
     @property
@@ -138,6 +141,7 @@ def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None
         strength,
         tolerance=numerics.harmonics_tolerance,
         method=numerics.interaction,
+        periods=periodic_axes(scene),
     )
     walls = scene_walls(scene, shape)
     table = walls.table(grid.cell) if walls is not None else None

@@ -24,6 +24,7 @@ from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
+from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.models.summation import on_q_grid
 from ellipsoid_coupling.physics.angular import angular_energy
 from ellipsoid_coupling.physics.closure import PRESSURE
@@ -98,6 +99,7 @@ class StationaryState:
     @staticmethod
     def require_fit(setup: Setup) -> None:
         """Raise InputError for a scene without a stationary state, or a grid that does not fit."""
+        require_no_period(setup.scene, "stationary_state")
         _require_stationary(setup.scene)
         scene_grid(setup.scene)
 

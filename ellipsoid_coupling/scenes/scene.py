@@ -11,7 +11,7 @@ import math
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 
 from ellipsoid_coupling.files.limits import (
     LEAST_CFL,
@@ -22,6 +22,7 @@ from ellipsoid_coupling.files.limits import (
     SMALLEST_STEP,
 )
 from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS, Record
+from ellipsoid_coupling.scenes.sides import OPPOSITE, SIDES, AtSide, SideName, keys_of, known_kinds
 from ellipsoid_coupling.scenes.values import (
     Count,
     Interval,
@@ -42,13 +43,14 @@ from ellipsoid_coupling.scenes.values import (
 class Domain(Part):
     """The rectangle of the grids and histograms, and what happens at its edge.
 
-    `boundary` is "reflecting" (particles and the hyperbolic part bounce) or "open" (Neumann: what
-    reaches the edge leaves).
+    `boundary` is "reflecting" (particles and the hyperbolic part bounce), "open" (Neumann: what
+    reaches the edge leaves) or "periodic" (it comes in at the opposite side): at all sides that
+    [boundaries] does not name.
     """
 
     x: Interval
     y: Interval
-    boundary: Literal["open", "reflecting"]
+    boundary: Literal["open", "reflecting", "periodic"]
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -65,6 +67,51 @@ class Domain(Part):
     def height(self) -> float:
         """Extent in y."""
         return self.y[1] - self.y[0]
+
+
+class BoundaryPart(Part):
+    """One side of the domain: its kind, and the kind's parameters, numbers by name."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Number] = Field(init=False)
+
+    kind: Line
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in known_kinds():
+            raise ValueError(f"one of {', '.join(known_kinds())}")
+        return kind
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _, _, required, optional = keys_of(self.kind)
+        given, known = set(self.parameters), {*required, *optional}
+        if not set(required) <= given <= known:
+            keys = ", ".join([*required, *(f"{key} (optional)" for key in optional)]) or "none"
+            found = ", ".join(sorted(given)) or "none"
+            raise ValueError(f"beside kind the keys of {self.kind} ({keys}), not {found}")
+        return self
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The kind's parameters."""
+        return dict(self.__pydantic_extra__ or {})
+
+    @property
+    def particles(self) -> AtSide:
+        """What a particle does there."""
+        return keys_of(self.kind).particles
+
+
+class Boundaries(Part):
+    """The sides that differ from `domain.boundary`."""
+
+    left: BoundaryPart | None = None
+    right: BoundaryPart | None = None
+    bottom: BoundaryPart | None = None
+    top: BoundaryPart | None = None
 
 
 class Particles(Part):
@@ -235,6 +282,7 @@ class Scene(Part):
     particles: Particles
     start: Start
     numerics: Numerics
+    boundaries: Boundaries | None = None
     flow: Flow | None = None
     interaction: InteractionPart | None = None
     walls: WallsPart | None = None
@@ -251,8 +299,7 @@ class Scene(Part):
                 f"numerics.time_step of at least {SMALLEST_STEP:g} of the last of times "
                 f"({self.times[-1]:g}), not {self.numerics.time_step:g}, which no longer moves the clock"
             )
-        if self.walls is not None and self.domain.boundary != "reflecting":
-            raise ValueError('domain.boundary = "reflecting" for [walls]')
+        self._check_sides()
         if self.walls is not None and self.interaction is None:
             raise ValueError("[interaction] with [walls], whose ghosts act through its potential")
         for axis in ("x", "y"):
@@ -263,6 +310,38 @@ class Scene(Part):
         if points is not None and len(points) != self.particles.number:
             raise ValueError(f"particles.number = {len(points)}, the number of start.points")
         return self
+
+    def _check_sides(self) -> None:
+        sides = self.sides
+        for name, side in sides.items():
+            other = sides[OPPOSITE[name]]
+            if side.particles == "wrap" != other.particles:
+                raise ValueError(
+                    f"{side.kind} sides opposite one another, not on the {name} alone "
+                    f"({OPPOSITE[name]}: {other.kind})"
+                )
+        for name in self.walls.sides if self.walls else ():
+            if sides[name].particles != "reflect":
+                raise ValueError(
+                    'domain.boundary = "reflecting" for [walls], or a kind that reflects on their '
+                    f"sides, not {sides[name].kind} on the {name}"
+                )
+
+    @property
+    def sides(self) -> dict[SideName, BoundaryPart]:
+        """What happens at each side of the domain: left, right, bottom, top."""
+        named = {name: getattr(self.boundaries, name, None) for name in SIDES}
+        short = BoundaryPart(kind=self.domain.boundary)
+        return {name: part or short for name, part in named.items()}
+
+    @property
+    def has_inflow(self) -> bool:
+        """Whether mass may come in at some side."""
+        return any(keys_of(side.kind).inflow for side in self.sides.values())
+
+    def has_sides(self, particles: AtSide) -> bool:
+        """Whether particles do this at some side: "reflect", "leave" or "wrap"."""
+        return any(side.particles == particles for side in self.sides.values())
 
 
 class RunPart(Part):

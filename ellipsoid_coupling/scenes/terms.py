@@ -82,7 +82,6 @@ def _fluid_and_pairs(scene: Scene) -> list[Term]:
 
 def _surroundings(scene: Scene) -> list[Term]:
     walls, outer, turning = scene.walls, scene.outer_potential, scene.angular_potential
-    reflecting = scene.domain.boundary == "reflecting"
     return [
         Term(
             "walls",
@@ -94,8 +93,8 @@ def _surroundings(scene: Scene) -> list[Term]:
         ),
         Term(
             "reflection",
-            reflecting,
-            "domain.boundary is reflecting" if reflecting else "domain.boundary is open",
+            scene.has_sides("reflect"),
+            _sides_in_words(scene),
         ),
         Term(
             "outer_potential",
@@ -110,6 +109,13 @@ def _surroundings(scene: Scene) -> list[Term]:
             else ANGULAR_POTENTIALS.describe(turning),
         ),
     ]
+
+
+def _sides_in_words(scene: Scene) -> str:
+    """The kinds of the sides: "domain.boundary is open", or side by side."""
+    if scene.boundaries is None:
+        return f"domain.boundary is {scene.domain.boundary}"
+    return ", ".join(f"{side.kind} on the {name}" for name, side in scene.sides.items())
 
 
 def _noise_terms(scene: Scene, *, random_motion: bool) -> list[Term]:

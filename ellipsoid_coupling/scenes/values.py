@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import (
     AfterValidator,
@@ -22,6 +22,7 @@ from ellipsoid_coupling.files.limits import (
     MOST_PATH,
     SMALLEST_NUMBER,
 )
+from ellipsoid_coupling.scenes.sides import SideName
 
 _JOINERS = dict.fromkeys(map(ord, "\u200c\u200d"))
 
@@ -74,9 +75,7 @@ Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
 Times = Annotated[
     tuple[Positive, ...], Strict(False), Field(min_length=1), BeforeValidator(_listed)
 ]
-Sides = Annotated[
-    tuple[Literal["left", "right", "bottom", "top"], ...], Strict(False), Field(min_length=1)
-]
+Sides = Annotated[tuple[SideName, ...], Strict(False), Field(min_length=1)]
 
 
 def require_interval(name: str, interval: Interval) -> None:

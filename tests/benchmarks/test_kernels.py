@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.q_grid import inside, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport
+from ellipsoid_coupling.geometry.boundaries import Reflecting
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.interaction.select import choose_interaction
 from ellipsoid_coupling.physics.potential import potential_shape
+from tests.finite_volume.whole import ghosts_of
 
 Floats = NDArray[np.float64]
 # What pytest-benchmark hands to a test: calls a function, returns what it returned.
@@ -65,8 +67,8 @@ def test_sweep(benchmark: Benchmark, flux: Any, axis: int) -> None:
     fields = np.zeros((4, 34, 64, 64))
     inside(fields)[0] = 1.0 + np.random.default_rng(4).random((30, 60, 60))
     inside(fields)[1:] = 0.1
-    extents = occupied_extents(fields)
-    benchmark(transport, flux, fields, axis, 0.1, extents, True)
+    extents, table = occupied_extents(fields), ghosts_of(fields, Reflecting())
+    benchmark(transport, flux, fields, axis, 0.1, extents, table, 0.0)
     check(fields)
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.finite_volume.boundary import fill_periodic
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import Kinetic
 from ellipsoid_coupling.finite_volume.grid import Grid
@@ -24,7 +24,8 @@ from ellipsoid_coupling.finite_volume.q_grid import (
     start_angles,
 )
 from ellipsoid_coupling.finite_volume.q_transport import column_runs, transport
-from tests.finite_volume.whole import sweep
+from ellipsoid_coupling.geometry.boundaries import Open
+from tests.finite_volume.whole import fill, ghosts_of, sweep
 
 Floats = NDArray[np.float64]
 
@@ -81,6 +82,15 @@ def test_extents_grow_periodically_in_angle_and_end_in_space() -> None:
         assert np.all(wider[held] == ([0, 5] if axis == -1 else [0, 4]))
 
 
+def test_extents_of_periodic_rows_are_whole_where_mass_comes_to_an_end() -> None:
+    """Across y to the other side; along x an interval cannot go on at the other end."""
+    fields = np.zeros((4, 5, 9, 12))
+    inside(fields)[Q, 0, 0, 2:4] = inside(fields)[Q, 0, 2, 5:] = inside(fields)[Q, 0, 3, :1] = 1.0
+    extents = occupied_extents(fields)
+    assert grown(extents, 8, -1, True)[0].tolist() == [[1, 5], [8, 0], [0, 8], [0, 8], [8, 0]]
+    assert grown(extents, 8, -2, True)[0].tolist() == [[2, 4], [2, 8], [0, 8], [0, 8], [0, 4]]
+
+
 @pytest.mark.parametrize("axis", [-2, -3])
 def test_runs_cover_every_extent_once(axis: int) -> None:
     """Random rows: every cell of an extent in one run, runs with vacuum at both ends."""
@@ -118,11 +128,11 @@ def test_transport_in_the_window_is_the_whole_sweep(
     whole = fields.copy()
     extents = occupied_extents(fields)
     for _ in range(3):
-        extents = transport(flux, fields, axis, 0.4, extents, False)
+        extents = transport(flux, fields, axis, 0.4, extents, ghosts_of(fields, Open()), 0.0)
         if axis == -3:
             fill_periodic(whole, 1)
         else:
-            fill_ghosts(whole, axis + 4, False, NORMAL[axis])
+            fill(whole, axis, Open())
         sweep(flux, whole, axis, NORMAL[axis], 0.4)
         np.testing.assert_array_equal(inside(fields), inside(whole))
 
@@ -137,7 +147,7 @@ def test_long_rows_go_round_piece_by_piece(flux: Any) -> None:
     whole = fields.copy()
     fill_periodic(whole, 1)
     sweep(flux, whole, -3, 3, 0.4)
-    transport(flux, fields, -3, 0.4, occupied_extents(fields), False)
+    transport(flux, fields, -3, 0.4, occupied_extents(fields), ghosts_of(fields, Open()), 0.0)
     np.testing.assert_array_equal(inside(fields), inside(whole))
 
 
@@ -163,7 +173,7 @@ def test_short_rings(flux: Any, angles: int) -> None:
         fill_periodic(twin, 1)
         sweep(here, twin, -3, 3, 0.3)
         fields[:, :2] = fields[:, -2:] = np.nan
-        transport(here, fields, -3, 0.3, occupied_extents(fields), False)
+        transport(here, fields, -3, 0.3, occupied_extents(fields), ghosts_of(fields, Open()), 0.0)
         np.testing.assert_array_equal(inside(fields), inside(twin))
 
 
@@ -197,7 +207,7 @@ def test_mass_goes_round_the_angle_and_is_kept(flux: Any) -> None:
     extents = occupied_extents(fields)
     ratio = 1.0 if isinstance(flux, Ballistic) else 0.2
     for _ in range(15):
-        extents = transport(flux, fields, -3, ratio, extents, False)
+        extents = transport(flux, fields, -3, ratio, extents, ghosts_of(fields, Open()), 0.0)
     assert inside(fields)[Q].sum() == pytest.approx(before, rel=1e-13)
     if isinstance(flux, Ballistic):
         from_start = (np.arange(12) - 0.5 + 6.0) % 12 - 6.0

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
+from ellipsoid_coupling.finite_volume.boundary import fill_periodic
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
+    MIRRORS,
+    PASSES,
     STEEPEST,
+    WRAPS,
     set_ahead,
     set_work,
 )
@@ -27,8 +30,10 @@ from ellipsoid_coupling.finite_volume.sources import (
     treat,
 )
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit
+from ellipsoid_coupling.geometry.boundaries import Reflecting
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.angular import Sine
+from tests.finite_volume.whole import fill
 
 Floats = NDArray[np.float64]
 
@@ -162,12 +167,10 @@ def test_the_largest_step_moves_the_fastest_cell_just_so_far(damped: bool, sound
 
 
 @pytest.mark.parametrize("axis", [-1, -2, -3])
-@pytest.mark.parametrize("reflecting", [False, True])
+@pytest.mark.parametrize("ends", [PASSES, MIRRORS, WRAPS])
 @pytest.mark.parametrize("interacting", [False, True])
-def test_work_is_that_of_the_trapezoidal_rule(
-    axis: int, reflecting: bool, interacting: bool
-) -> None:
-    """Between all neighbours, nothing across the boundary, mirrored in the ghosts of a wall."""
+def test_work_is_that_of_the_trapezoidal_rule(axis: int, ends: int, interacting: bool) -> None:
+    """Between all neighbours, nothing across an open edge or a wall, mirrored in a wall's ghosts."""
     rng = np.random.default_rng(9)
     pull, half, weight = 6.0 * rng.standard_normal(GRID), 0.4, 1.5
     potential = rng.standard_normal((ANGLES // 2, ROWS, COLUMNS)) if interacting else None
@@ -179,15 +182,18 @@ def test_work_is_that_of_the_trapezoidal_rule(
     inside(expected)[...] = work
     if axis == -3:
         fill_periodic(expected[None], 1)
+    elif ends == WRAPS:
+        lines = np.moveaxis(expected, axis, 0)
+        lines[:GHOSTS], lines[-GHOSTS:] = lines[-2 * GHOSTS : -GHOSTS], lines[GHOSTS : 2 * GHOSTS]
     else:
         lines = np.moveaxis(expected, axis, 0)
         lines[-GHOSTS - 1] = 0.0
-        if reflecting:
+        if ends == MIRRORS:
             lines[0], lines[-GHOSTS] = -lines[GHOSTS], -lines[-GHOSTS - 2]
     kept = np.clip(expected, -STEEPEST, STEEPEST)
     assert (kept != expected).any()
     out = np.array([np.ones(expected.size), np.zeros(expected.size)])
-    set_work(pull, potential, axis, reflecting, (half, weight), out)
+    set_work(pull, potential, axis, (ends, ends), (half, weight), out)
     np.testing.assert_allclose(out[0], np.exp(0.5 * kept).ravel(), rtol=1e-14)
     np.testing.assert_allclose(out[1], (expected - kept).ravel(), atol=1e-14)
 
@@ -203,7 +209,7 @@ def test_the_density_ahead_loses_what_flows_out(components: int) -> None:
         if axis == -3:
             fill_periodic(fields, 1)
         else:
-            fill_ghosts(fields, axis + 4, True, NORMAL[axis])
+            fill(fields, axis, Reflecting())
         momentum = fields[NORMAL[axis]]
         high, low = np.roll(momentum, -1, axis), np.roll(momentum, 1, axis)
         expected -= factor * inside(high - low)

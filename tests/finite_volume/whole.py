@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, interior
 from ellipsoid_coupling.finite_volume.sources import Kick
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
+from ellipsoid_coupling.geometry.boundaries import Boundaries, everywhere
+from ellipsoid_coupling.geometry.ghost_table import GhostTable, ghost_table
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +36,18 @@ def _all_runs(padded: tuple[int, ...], axis: int) -> tuple[Runs, int]:
         first = first[..., ::bundle].ravel()
     runs = Runs(first, np.full(first.size, inner.shape[axis]), np.ascontiguousarray(width))
     return runs, math.prod(padded[axis + 1 :]) if axis != -1 else 1
+
+
+def ghosts_of(fields: Floats, kind: Any) -> GhostTable:
+    """The table of padded fields (K, .., ny + 4, nx + 4) with that kind at all sides, or `Boundaries`."""
+    kinds = kind if isinstance(kind, Boundaries) else everywhere(kind)
+    rows, columns = fields.shape[-2:]
+    return ghost_table(kinds, (rows - 2 * GHOSTS, columns - 2 * GHOSTS), GHOSTS)
+
+
+def fill(fields: Floats, axis: int, kind: Any) -> None:
+    """Fill the ghosts along x (-1) or y (-2) of fields with that kind at all sides."""
+    fill_ghosts(fields, axis, ghosts_of(fields, kind), 0.0)
 
 
 def sweep(

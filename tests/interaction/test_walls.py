@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction import WALL_FRAMES, DirectInteraction, Forces, Walls
-from ellipsoid_coupling.interaction.walls import Side
 from ellipsoid_coupling.physics.potential import pair_potential, potential_shape
+from ellipsoid_coupling.scenes.sides import SideName
 
 Array = NDArray[np.float64]
 
 LENGTH = 0.05
 H = 0.02
-ALL: tuple[Side, ...] = ("left", "right", "bottom", "top")
+ALL: tuple[SideName, ...] = ("left", "right", "bottom", "top")
 
 
 def make_walls(
-    sides: tuple[Side, ...] = ALL,
+    sides: tuple[SideName, ...] = ALL,
     aspect: float = 2.0,
     domain: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 1.0), (0.0, 0.6)),
 ) -> Walls:
@@ -43,7 +43,7 @@ def summed(walls: Walls, x: float, y: float, theta: float) -> Array:
 
 @pytest.mark.parametrize("aspect", [1.0, 2.0, 5.0])
 @pytest.mark.parametrize("side", ALL)
-def test_table_equals_the_sum_over_ghost_cells(side: Side, aspect: float) -> None:
+def test_table_equals_the_sum_over_ghost_cells(side: SideName, aspect: float) -> None:
     # 1e-6 of the largest force and torque: the table's promise about interpolation.
     walls = make_walls((side,), aspect)
     table = walls.table(H)
@@ -200,7 +200,6 @@ def test_matched_ghost_cells_carry_the_ghost_particles_strength() -> None:
     for h in (0.02, 0.007):
         assert walls.density(h) * walls.depth(h) * h == pytest.approx(per_length, rel=1e-12)
         assert walls.depth(h) * h >= walls.shape.reach
-    assert walls.ghost_weight == pytest.approx(10.0 * 1.5 / 1000)
 
 
 def test_paper_density_is_one_particle_per_cell() -> None:
@@ -212,16 +211,11 @@ def test_paper_density_is_one_particle_per_cell() -> None:
     assert ghosts.y.min() == pytest.approx(1.0 + 0.5 * H)
 
 
-def test_reflecting_bounds_are_infinite_without_a_wall() -> None:
-    bounds = make_walls(("left", "top")).reflecting_bounds()
-    assert bounds == ((0.0, math.inf), (-math.inf, 0.6))
-
-
 def test_bad_walls_are_refused() -> None:
     shape = potential_shape(LENGTH, 0.025)
     unit = (0.0, 1.0), (0.0, 1.0)
     with pytest.raises(InputError, match="some of left, right, bottom, top"):
-        Walls(unit, (cast("Side", "lid"),), LENGTH, shape, 1.0, 10)
+        Walls(unit, (cast("SideName", "lid"),), LENGTH, shape, 1.0, 10)
     with pytest.raises(InputError, match="low < high"):
         Walls(((1.0, 0.0), (0.0, 1.0)), ALL, LENGTH, shape, 1.0, 10)
     with pytest.raises(InputError, match="particles"):

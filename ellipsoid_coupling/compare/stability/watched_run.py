@@ -115,7 +115,7 @@ def _watched(
         fields = built.state()["fields"].copy()
         fields[0] += case.background
         built.restore({"fields": fields})
-    watch = _Watch(built, scene, terms.reflection)
+    watch = _Watch(built, scene, not scene.has_sides("leave"))
     monitors = Monitors(model, setup, built)
     most = round(how[1] * MOST_STEPS[kind.layout])
     outcome, reason = _advance(built, scene, (watch, monitors), most)

@@ -48,6 +48,9 @@ class FittedSpectra:
     reach : int
         How many cells further images must be away.
     kernel : Transformable
+    periods : (bool, bool)
+        Whether y and x are periodic. There the length is that of the grid, an even number of cells,
+        and images are what is wanted.
 
     Attributes
     ----------
@@ -55,8 +58,15 @@ class FittedSpectra:
         Lengths for the whole grid.
     """
 
-    def __init__(self, cells: Lengths, reach: int, kernel: Transformable) -> None:
-        self.longest = longest_lengths(cells, reach)
+    def __init__(
+        self,
+        cells: Lengths,
+        reach: int,
+        kernel: Transformable,
+        periods: tuple[bool, bool] = (False, False),
+    ) -> None:
+        self._periods = periods
+        self.longest = self._closed(longest_lengths(cells, reach), cells)
         self._reach, self._kernel = reach, kernel
         # The one that was asked for last is the last one.
         self._stored: dict[Lengths, tuple[Spectra, BufferPool]] = {}
@@ -64,10 +74,18 @@ class FittedSpectra:
 
     def for_cells(self, rows: int, columns: int) -> Spectra:
         """For a rectangle of occupied cells; later calls may overwrite the spectra."""
-        lengths = fitting_lengths((rows + self._reach, columns + self._reach), self.longest)
+        needed = rows + self._reach, columns + self._reach
+        lengths = self._closed(fitting_lengths(needed, self.longest), self.longest)
         stored = self._stored.pop(lengths) if lengths in self._stored else self._make(lengths)
         self._stored[lengths] = stored
         return stored[0]
+
+    def _closed(self, lengths: Lengths, periods: Lengths) -> Lengths:
+        """These lengths, but for the periods along periodic axes."""
+        y, x = (
+            p if closed else n for n, p, closed in zip(lengths, periods, self._periods, strict=True)
+        )
+        return y, x
 
     def _make(self, lengths: Lengths) -> tuple[Spectra, BufferPool]:
         again = lengths in self._made

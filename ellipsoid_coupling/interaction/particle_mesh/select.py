@@ -63,10 +63,13 @@ def scene_samples(scene: Scene, number: int) -> Samples | None:
         return None
     particles, domain, start = scene.particles, scene.domain, scene.start
     shape = potential_shape(particles.length, particles.width)
-    margin = 0.0 if domain.boundary == "reflecting" else _RANGES_BEYOND * shape.reach
+    beyond = _RANGES_BEYOND * shape.reach
+    left, right, bottom, top = (
+        beyond if side.particles == "leave" else 0.0 for side in scene.sides.values()
+    )
     return Samples(
-        (domain.x[0] - margin, domain.x[1] + margin),
-        (domain.y[0] - margin, domain.y[1] + margin),
+        (domain.x[0] - left, domain.x[1] + right),
+        (domain.y[0] - bottom, domain.y[1] + top),
         (start.x[1] - start.x[0], start.y[1] - start.y[0]),
         shape,
         particles.width,

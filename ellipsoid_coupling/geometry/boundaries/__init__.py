@@ -1,0 +1,105 @@
+"""What happens at the sides of the domain: kinds of boundary, one file each.
+
+A kind is a NamedTuple (its parameters) and a formula of what a ghost cell holds, registered by name and
+type (`contract.py`): a scene names it, and kernels are compiled with its formula inlined. To add one,
+copy `open.py`, or register it from outside of the package as tests/extension/test_boundary.py does.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ellipsoid_coupling.geometry.boundaries.contract import (
+    ACROSS,
+    ALONG,
+    DENSITY,
+    OTHERS,
+    Place,
+    at_side,
+    ghost,
+    inflow_speed,
+    make_kind,
+    register_boundary,
+)
+from ellipsoid_coupling.geometry.boundaries.open import Open
+from ellipsoid_coupling.geometry.boundaries.periodic import Periodic
+from ellipsoid_coupling.geometry.boundaries.reflecting import Reflecting
+from ellipsoid_coupling.scenes import Scene
+
+__all__ = [
+    "ACROSS",
+    "ALONG",
+    "DENSITY",
+    "OTHERS",
+    "Boundaries",
+    "Open",
+    "Periodic",
+    "Place",
+    "Reflecting",
+    "at_side",
+    "everywhere",
+    "ghost",
+    "reflecting_box",
+    "register_boundary",
+    "scene_boundaries",
+]
+
+Floats = NDArray[np.float64]
+
+
+class Boundaries(NamedTuple):
+    """The kind of each side of a rectangle; both of opposite sides are periodic, or none."""
+
+    left: Any
+    right: Any
+    bottom: Any
+    top: Any
+
+    def ends(self, axis: int) -> tuple[Any, Any]:
+        """The kinds at the lower and the upper end of x (-1) or y (-2)."""
+        return (self.left, self.right) if axis == -1 else (self.bottom, self.top)
+
+    def wraps(self, axis: int) -> bool:
+        """Whether x (-1) or y (-2) is periodic."""
+        return at_side(self.ends(axis)[0]) == "wrap"
+
+    @property
+    def closed(self) -> bool:
+        """Whether no mass passes any side."""
+        return all(at_side(kind) != "leave" for kind in self)
+
+    def inflow_step(self, distance: float) -> float:
+        """The time in which nothing that comes in flies further than `distance`; infinite without."""
+        speed = max(inflow_speed(kind) for kind in self)
+        return distance / speed if speed > 0.0 else np.inf
+
+
+def everywhere(kind: Any) -> Boundaries:
+    """That kind at all sides."""
+    return Boundaries(kind, kind, kind, kind)
+
+
+def scene_boundaries(scene: Scene) -> Boundaries:
+    """The kinds of a scene's sides, with their parameters."""
+    return Boundaries(
+        **{name: make_kind(side.kind, side.parameters) for name, side in scene.sides.items()}
+    )
+
+
+def reflecting_box(scene: Scene) -> Floats | None:
+    """[[x_low, x_high], [y_low, y_high]] of the sides that particles bounce off; None without any.
+
+    Infinite where they do not.
+    """
+    if not scene.has_sides("reflect"):
+        return None
+    ends = (*scene.domain.x, *scene.domain.y)
+    far = (-np.inf, np.inf, -np.inf, np.inf)
+    held = [
+        end if side.particles == "reflect" else beyond
+        for side, end, beyond in zip(scene.sides.values(), ends, far, strict=True)
+    ]
+    return np.reshape(held, (2, 2))

@@ -147,10 +147,6 @@ def parallel_kernel(function: Function) -> Function:
     return _compiled(function, parallel=True)
 
 
-# Former names.
-view_kernel = apart_kernel = kernel(noalias=True)
-
-
 def plain(function: Function) -> Function:
     """The Python function that a kernel was compiled from: its slow twin in tests."""
     compiled: Any = function

@@ -14,12 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    inline_kernel,
-    parallel_kernel,
-    view_kernel,
-)
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.compiled.loops import round_up_to_vectors
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
@@ -102,7 +97,7 @@ def _fill_end(
     store(cells, row[GHOST] + layer * row[NEXT_GHOST] - first, held)
 
 
-@view_kernel
+@kernel(noalias=True)
 def fill_ends(cells: Rows, table: GhostTable, a: int, j: int, t: float) -> None:
     """Fill the ghosts of row j of plane a along x; `cells` (see `in_order`) begin with the first one."""
     at = j, a * table.angle_width, t
@@ -112,7 +107,7 @@ def fill_ends(cells: Rows, table: GhostTable, a: int, j: int, t: float) -> None:
         _fill_end(table.kinds.right, cells, table, RIGHT, layer, at)
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _fill_layer(
     kind: Any,
     cells: tuple[Rows, Rows, Rows],
@@ -155,7 +150,7 @@ def _fill_side_layer(
     _fill_layer(kind, cells, table.places, side, columns, float(row[NORMAL]), at)
 
 
-@view_kernel
+@kernel(noalias=True)
 def fill_sides(
     fields: Floats,
     components: tuple[int, ...],

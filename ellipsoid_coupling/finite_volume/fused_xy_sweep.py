@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import inline_kernel, parallel_kernel, view_kernel
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.compiled.loops import prefetch_block, round_up_to_vectors
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, rows_at
@@ -93,7 +93,7 @@ def _start_of(plane: Plane, cell: int) -> int:
     return plane.corner - GHOSTS + (cell - plane.corner) // plane.row * plane.row
 
 
-@view_kernel
+@kernel(noalias=True)
 def _fill_row(cells: Rows, whole: _Whole, a: int, j: int) -> None:
     """Fill the ghosts of row j of plane a, if so much of it moves that its sweep looks there."""
     span = whole.spans[a, j]
@@ -101,7 +101,7 @@ def _fill_row(cells: Rows, whole: _Whole, a: int, j: int) -> None:
         fill_ends(cells, whole.table, a, j, whole.move.t)
 
 
-@view_kernel
+@kernel(noalias=True)
 def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) -> None:
     """Copy a row beside a cut and, where x comes first, sweep the copy along x."""
     cut, row = task // _COPIED, task % _COPIED
@@ -121,7 +121,7 @@ def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) 
             sweep_row(flux, cells, start + span[0], span[1] - span[0], move.ratio, scratch)
 
 
-@view_kernel
+@kernel(noalias=True)
 def _sweep_x(flux: Flux, whole: _Whole, a: int, j: int, scratch: RowScratch) -> None:
     """Sweep what moves of row j of plane a."""
     plane, span = whole.plane, whole.spans[a, j]
@@ -183,7 +183,7 @@ def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
         prefetch_block(rows_at(whole.fields, whole.x, cells), part)
 
 
-@view_kernel
+@kernel(noalias=True)
 def _fill_beside(whole: _Whole, strip: _Strip, low: bool, high: bool) -> None:
     """Fill the rows of ghosts at the lower and the upper end of a strip, where the strip looks at them."""
     plane, march = whole.plane, strip.march
@@ -196,7 +196,7 @@ def _fill_beside(whole: _Whole, strip: _Strip, low: bool, high: bool) -> None:
     fill_sides(whole.fields, whole.y, whole.table, (strip.a, start), columns, ends, whole.move.t)
 
 
-@view_kernel
+@kernel(noalias=True)
 def _step_y(flux: Flux, whole: _Whole, strip: _Strip, row: int, room: Floats) -> None:
     """Take the march along y one row further: row - 1 gets what both its faces let through."""
     march, plane = strip.march, whole.plane
@@ -216,7 +216,7 @@ def _step_y(flux: Flux, whole: _Whole, strip: _Strip, row: int, room: Floats) ->
         whole.gone[strip.a, plane.rows + 1] = through
 
 
-@view_kernel
+@kernel(noalias=True)
 def _x_then_y(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, room: Floats) -> None:
     """Sweep along x some rows ahead of the march along y."""
     march = strip.march
@@ -238,7 +238,7 @@ def _x_then_y(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, roo
         _step_y(flux, whole, strip, row, room)
 
 
-@view_kernel
+@kernel(noalias=True)
 def _y_then_x(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, room: Floats) -> None:
     """Sweep along x a row behind the march along y: what has just been written is not read at once."""
     march, swept = strip.march, 0

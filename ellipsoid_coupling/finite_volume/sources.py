@@ -36,13 +36,7 @@ from ellipsoid_coupling.compiled.algebra import (
     select,
     total,
 )
-from ellipsoid_coupling.compiled.jit import (
-    apart_kernel,
-    inline_kernel,
-    kernel,
-    parallel_kernel,
-    view_kernel,
-)
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
 from ellipsoid_coupling.compiled.loops import block_size, chunk, over_row, prefetch_block
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
@@ -233,7 +227,7 @@ def _raise_peaks(i: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) ->
     store(peaks, i, maximum(load(peaks, i), found))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _evaluate_row(
     width: int,
     cells: Rows,
@@ -247,22 +241,22 @@ def _evaluate_row(
     over_row(width, _evaluate, (cells, angles, plane_angle, drive, angular, vacuum, drift))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _kick_row(width: int, cells: Rows, drift: Rows, change: Kick) -> None:
     over_row(width, _kick, (cells, drift, change))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _turn_row(width: int, angles: Rows, spins: Rows, time: float) -> None:
     over_row(width, _turn, (angles, spins, time))
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _raise_peaks_row(width: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
     over_row(width, _raise_peaks, (cells, drift, limit, peaks))
 
 
-@view_kernel
+@kernel(noalias=True)
 def _treat_block(
     place: tuple[int, int, int],
     width: int,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.algebra import fill
-from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.physics.drift import External, Fluid, external_drift
@@ -57,7 +57,7 @@ def set_axes(place: Floats, axis: Floats, part: tuple[int, int]) -> None:
         cosine[:], sine[:] = 1.0, 0.0
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _set_rows(
     fluid: Fluid | None,
     outer: Record | None,

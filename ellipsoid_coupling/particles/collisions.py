@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.particles.extremes import sum_and_largest
 from ellipsoid_coupling.particles.linear import linear_step
 from ellipsoid_coupling.particles.state import Contact, Limits, Rates
@@ -188,7 +188,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
     )
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _square_residuals(
     place: Floats,
     velocity: Floats,

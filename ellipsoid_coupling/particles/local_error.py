@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import apart_kernel, kernel
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.particles.extremes import sum_and_largest
 from ellipsoid_coupling.particles.linear import linear_step
 from ellipsoid_coupling.particles.state import ANGLE, Limits, ParticleState, Rates, Trial
@@ -29,7 +29,7 @@ _THERMAL_PART = 0.05
 MEAN, LARGEST = range(2)
 
 
-@apart_kernel
+@kernel(noalias=True)
 def _square_changes(force: Floats, later: Floats, squares: Floats) -> None:
     for i in range(squares.size):
         change = later[i] - force[i]

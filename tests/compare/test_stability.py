@@ -61,7 +61,7 @@ def test_a_run_that_fails_says_why_and_what_it_would_need() -> None:
 
 def test_what_leaves_through_open_edges_is_counted() -> None:
     """All of the mass is blown out; what is missing is what was measured at the edges."""
-    settings = {"walls": None, "domain.boundary": "open", "flow.entry": "top_bottom"}
+    settings = {"walls": None, "domain.boundary": "open", "flow.field": "top_bottom"}
     case = Case("open", "", settings | {"times": [5.0]})
     for model in ("rho_mono_kinetic", "q_mono_kinetic", "q_maxwellian", "diffusive"):
         for entry in examine(case, model, ("paper", "accurate")):

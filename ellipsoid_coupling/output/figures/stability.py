@@ -68,7 +68,7 @@ class MapEntry(Protocol):
 
 
 class _Look(NamedTuple):
-    """How a entry is drawn."""
+    """How an entry is drawn."""
 
     fill: str
     letters: str
@@ -85,7 +85,7 @@ _UNKNOWN = _Look("#FFFFFF", "black", "?")
 
 
 def look_of(entry: MapEntry) -> _Look:
-    """Fill, colour of the letters and words of a entry."""
+    """Fill, colour of the letters and words of an entry."""
     if entry.outcome == "stopped" and math.isfinite(entry.needed_step):
         words = f"dt {entry.needed_step:.0e}".replace("e-0", "e-")
         return _ENDED["stopped"]._replace(words=words)

@@ -128,17 +128,14 @@ class Sorted(NamedTuple):
 def sort_by_row(place: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
     """Sort the samples by row, without those beyond the nodes.
 
-    A stable counting sort: work in sorted order, and the way back to the former order, go through
-    memory row by row.
+    A stable counting sort: work in either order goes through memory row by row.
 
     Parameters
     ----------
     place : (K, D, B) float64
-    nodes : Nodes
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
-    pool : BufferPool
-        Holds the sorted samples until the next call.
+    pool : holds the sorted samples until the next call
     """
     blocks = chunk_ranges(len(place), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
     # Each part counts and then fills for itself: no two threads write to one place.
@@ -177,7 +174,6 @@ def _add_some(
     size = force.shape[2]
     for k in range(blocks[0], blocks[1]):
         for c in range(min(found.shape[1], force.shape[1])):
-            # 1/I_c for the torque, 1/m for both forces.
             weight = weights[1] if c == 2 else weights[0]
             for j in range(size):
                 slot = slots[k * size + j]
@@ -257,7 +253,6 @@ def windows_of(begin: Indices) -> Windows:
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
     )
-    # A window has the rows that its samples' stencils reach.
     used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
@@ -275,7 +270,6 @@ def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, pool: Buffe
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
-        # Rows count from the window's first, columns from the first of all stencils.
         some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
         work = np.empty((2, SAMPLES_AT_ONCE)), np.zeros((SAMPLES_AT_ONCE, 1, window.shape[2]))
         _deposit(some, at, nodes, functions, work, window)
@@ -344,15 +338,13 @@ def interpolate(
 
     potential : (rows, columns, `whole_vectors` of functions)
         U_p at a part of the nodes, from row and column `corner` on.
-    pool : BufferPool
-        Holds the result until the next call.
+    pool : holds the result until the next call
     """
     found = pool.array("found", samples.shape, np.float64)
     parts = chunk_ranges(len(samples), min(SAMPLE_PARTS, len(samples) // LEAST_INTERPOLATED))
 
     def read(k: int) -> None:
         some = slice(*parts[k])
-        # Functions that fill the last vector stay 0.
         bases = np.zeros((SAMPLES_AT_ONCE, 2, potential.shape[2]))
         work = np.empty((2, SAMPLES_AT_ONCE)), bases
         _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])

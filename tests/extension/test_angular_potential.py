@@ -74,23 +74,29 @@ def test_a_particle_swings_like_a_pendulum() -> None:
     np.testing.assert_allclose(angle[1], START, atol=1e-5)
 
 
-@pytest.mark.parametrize(("scheme", "error"), [("accurate", 2e-3), ("paper", 0.3)])
-def test_cells_swing_alike(scheme: Any, error: float) -> None:
-    """At the bottom of its swing a pendulum turns fastest: the rho-equation, both schemes.
+def test_cells_swing_alike() -> None:
+    """At the bottom of its swing a pendulum turns fastest: the rho-equation.
 
-    Second order, and first order with an implicit step, which damps: its slope must be right for
-    Newton's iteration to end.
+    Within 3 %, as steps turn by a part of an angle cell (measured 2.7 %).
     """
-    scene = ec.load_scene(SCENE, {"times": [0.5 * half_period(2.0, 3)], "numerics.time_step": 1e-3})
-    result = ec.simulate(scene, model="rho_mono_kinetic", scheme=scheme)
-    full = result.variables["density"][-1] > 0.0
+    scene = ec.load_scene(SCENE, {"times": [0.5 * half_period(2.0, 3)]})
+    result = ec.simulate(scene, model="rho_mono_kinetic")
     fastest = -2.0 * math.sqrt(2.0) * math.sin(0.5 * 3 * START)
-    spin = result.variables["angular_velocity"][-1][full]
-    np.testing.assert_allclose(spin, fastest, atol=error * abs(fastest))
+    spin = result.variables["angular_velocity"][-1][result.variables["density"][-1] > 0.0]
+    np.testing.assert_allclose(spin, fastest, rtol=0.03)
 
 
-def test_its_equilibrium_is_kept_by_the_maxwellian_closure() -> None:
-    """At rest in exp(-V2)/Z, q_maxwellian stays there to rounding: the work along the angle is V2's own."""
+@pytest.mark.parametrize("scheme", ["accurate", "paper"])
+def test_damped_cells_come_to_rest_in_the_next_minimum(scheme: Any) -> None:
+    """From 1.6 in 2 pi/3, after 15 damping times to 1e-5; `paper` gets there by its implicit step."""
+    settings = {"start.angle": 1.6, "noise": {"noise": 0.0, "angular_noise": 2.0}, "times": [15.0]}
+    result = ec.simulate(ec.load_scene(SCENE, settings), model="rho_mono_kinetic", scheme=scheme)
+    angle = result.variables["mean_angle"][-1][result.variables["density"][-1] > 0.0]
+    np.testing.assert_allclose(angle, 2.0 * math.pi / 3.0, atol=1e-5)
+
+
+def test_its_equilibrium_is_its_boltzmann_factor() -> None:
+    """The angles of exp(-V1 - V2)/Z, to rounding."""
     settings = {
         "outer_potential": {"stiffness": 4.0},
         "domain": {"x": [-2.0, 2.0], "y": [-2.0, 2.0], "boundary": "open"},

@@ -59,7 +59,7 @@ from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
 
-# A step whose outcome allows less than this part of it was itself too long.
+# A step was too long if the state after it allows less than this part of it.
 _SHORTEST_NEXT = 0.25
 
 
@@ -123,9 +123,9 @@ class WellBalancedHeun:
         return shorter((min(steps[:2]), steps[2]))
 
     def step(self, dt: float, count: int) -> bool:
-        """See the module; refused if what it leads to allows only a far shorter one.
+        """See the module; refused if the new state allows less than a quarter of it.
 
-        A cell that the first stage all but empties keeps a momentum for the second.
+        That happens where the first stage nearly empties a cell whose momentum the second still uses.
         """
         system = self._system
         kept = system.outflow.copy(), self.memory.copy(), system.extents

@@ -50,6 +50,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     driven,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.q_grid import FULL_TURN, Extents
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, ExtremesLimit, reached
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.interaction.q_grid import AngleForces
@@ -58,15 +59,12 @@ from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
-Extents = NDArray[np.int64]
 AnyForces = Forces | AngleForces | NoForces
 Limit = CellwiseLimit | ExtremesLimit
 
-FULL_TURN = 2.0 * np.pi
-
 # Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
 _NEWTON_STEPS = 4
-# Rows are dealt out in so many tasks at most, each with peaks of its own.
+# So many tasks at most share the rows, each with peaks of its own.
 _TASKS = 64
 
 
@@ -267,7 +265,11 @@ def _treat_block(
     scratch: Floats,
     peaks: Rows,
 ) -> None:
-    """All of a pass for `width` cells of plane a, row j, from column `start` on: place = (a, j, start)."""
+    """All of a pass for `width` cells of plane a, row j, from column `start` on: place = (a, j, start).
+
+    Each stage is a kernel of its own, so that its arguments are known to be apart and its loop
+    vectorises. A block stays in cache from one to the next.
+    """
     a, j, start = place
     fields, (planes, rows) = cells.fields, cells.extents.shape[:2]
     ghost_planes = (fields.shape[1] - planes) // 2
@@ -280,6 +282,7 @@ def _treat_block(
     prefetch_block(rows_at(fields, add(here, 1), start + GHOSTS), width)
     moving = rows_at(fields, here, start + GHOSTS)
     angles = rows_at(fields, axpy(cells.angle, every, row), start + GHOSTS)
+    # A drift that is not kept lives in cache only.
     drift = rows_at(scratch, cells.rates, 0)
     if cells.drift.shape[1] > 0:
         drift = rows_at(cells.drift, axpy(cells.rates, planes * rows, a * rows + j), start)

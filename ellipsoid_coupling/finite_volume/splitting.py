@@ -149,6 +149,10 @@ class KickDriftKick(_Split):
     order: ClassVar[int] = 2
     flux: ClassVar[str] = "ballistic"
 
+    def restore(self) -> None:
+        """As at the start: velocities change after the drift is evaluated, place and angle do not."""
+        self.start()
+
     def step(self, dt: float, count: int) -> bool:
         """Directions change order from step to step (`count`), so that none is preferred.
 

@@ -68,7 +68,7 @@ from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
 Floats = NDArray[np.float64]
 
-# A step whose outcome allows less than this part of it was itself too long.
+# A step was too long if the state after it allows less than this part of it.
 _SHORTEST_NEXT = 0.25
 
 

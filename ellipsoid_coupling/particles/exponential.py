@@ -50,12 +50,7 @@ from ellipsoid_coupling.particles.clocks import (
 from ellipsoid_coupling.particles.collisions import Cloud, collision_step
 from ellipsoid_coupling.particles.forces import BlockForces, set_block_forces
 from ellipsoid_coupling.particles.frozen import frozen_row
-from ellipsoid_coupling.particles.local_error import (
-    LARGEST,
-    MEAN,
-    largest_error,
-    squared_errors,
-)
+from ellipsoid_coupling.particles.local_error import largest_error, squared_errors
 from ellipsoid_coupling.particles.own_clock import own_clock
 from ellipsoid_coupling.particles.predict_correct import accept_step, predict_step
 from ellipsoid_coupling.particles.state import (
@@ -123,27 +118,13 @@ def measure_block(k: int, work: Work, dt: float) -> None:
     squared_errors(work.state, k, work.rates, work.limits, trial, dt, squares)
 
 
-@kernel
-def _error_of_all(squares: Floats, tolerance: float) -> tuple[float, int]:
-    """The error over the tolerance of all blocks together, and its kind."""
-    # In the order of the blocks, whoever measured them: the same bits for any number of threads.
-    whole = squares[0].copy()
-    for k in range(1, squares.shape[0]):
-        whole[MEAN] += squares[k, MEAN]
-        whole[LARGEST] = np.maximum(whole[LARGEST], squares[k, LARGEST])
-    whole[MEAN] /= squares.shape[0]
-    error, kind = largest_error(whole, tolerance)
-    return error, kind
-
-
 @jitable
 def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
     """Complete the drift at the trial, at the time t; its error over the tolerance, and the kind."""
-    work = group.work
-    if work.interacts:
-        interact(group, t, work.trial.place, work.trial.force)
+    if group.work.interacts:
+        interact(group, t, group.work.trial.place, group.work.trial.force)
         over_blocks(group, measure_block, (dt,))
-    return _error_of_all(work.outcome.squares, work.limits.tolerance)
+    return largest_error(group.work.outcome.squares, group.work.limits.tolerance)
 
 
 @kernel
@@ -235,7 +216,7 @@ def _choose_first_step(noise: Floats | None, group: Group, until: float) -> None
 def advance_clock(group: Group, until: float, steps: int) -> None:
     """See `clocks.Stepper`; trials that are refused count as steps."""
     state, rates, limits = group.work.state, group.work.rates, group.work.limits
-    clock, noise = state.clock[0], state.noise
+    clock, noise, outcome = state.clock[0], state.noise, group.work.outcome
     cloud = Cloud(state.place, state.velocity, state.force, state.frozen)
     # Later the force at the place is there from the step before, and after `restore` from the checkpoint.
     if clock[STEPS] == 0.0 and clock[TIME] < until:
@@ -262,7 +243,7 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
             if limits.contact is None and step + 1 < steps:
                 tried = _step_to_try(clock, cloud, rates, limits, until)
             over_blocks(group, step_block, (noise, step, dt, tried, clock[TIME] + tried))
-            note_outcome(clock, group.work.outcome)
+            note_outcome(clock, outcome)
         else:
             reject(clock, until, _shorter_step(rates, dt, error), kind)
 

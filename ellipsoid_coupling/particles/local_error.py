@@ -67,14 +67,22 @@ def squared_errors(
 
 @kernel
 def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
-    """The error over the tolerance of the worst degree of freedom, and which kind it is.
+    """The error of all blocks over the tolerance, of the worst degree of freedom, and which kind it is.
 
-    squares : (2, D), as of `squared_errors`.
+    squares : (K, 2, D), as of `squared_errors` for each block.
     """
+    blocks, _, degrees = squares.shape
     worst, kind = 0.0, POSITION_ERROR
-    for d in range(squares.shape[1]):
-        square = max(squares[MEAN, d], squares[LARGEST, d] / (WORST * WORST))
-        # Not `square > worst`: a value that is not a number must win.
+    for d in range(degrees):
+        # In the order of the blocks, whoever measured them: the same bits for any number of threads.
+        mean, largest = squares[0, MEAN, d], squares[0, LARGEST, d]
+        for k in range(1, blocks):
+            mean += squares[k, MEAN, d]
+            largest = max(largest, squares[k, LARGEST, d])
+        # Not by `max` or `>`: a mean that is not a number must win.
+        square = largest / (WORST * WORST)
+        if not mean / blocks <= square:
+            square = mean / blocks
         if not square <= worst:
             worst, kind = square, ANGLE_ERROR if d == ANGLE else POSITION_ERROR
     return math.sqrt(worst) / tolerance, kind

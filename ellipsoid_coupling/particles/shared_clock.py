@@ -8,7 +8,6 @@ realisations of the microscopic model) cannot run ahead of one another. Steps an
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numba
 import numpy as np
@@ -37,35 +36,35 @@ Floats = NDArray[np.float64]
 
 
 @parallel_kernel
-def _set_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+def _set_blocks(blocks: int, arguments: tuple[object, ...]) -> None:
     packed = pack(arguments)
     for k in numba.prange(blocks):
         set_block(signed(k), *unpack(packed))
 
 
 @parallel_kernel
-def _leap_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+def _leap_blocks(blocks: int, arguments: tuple[object, ...]) -> None:
     packed = pack(arguments)
     for k in numba.prange(blocks):
         leap_block(signed(k), *unpack(packed))
 
 
 @parallel_kernel
-def _step_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+def _step_blocks(blocks: int, arguments: tuple[object, ...]) -> None:
     packed = pack(arguments)
     for k in numba.prange(blocks):
         step_block(signed(k), *unpack(packed))
 
 
 @parallel_kernel
-def _measure_blocks(blocks: int, arguments: tuple[Any, ...]) -> None:
+def _measure_blocks(blocks: int, arguments: tuple[object, ...]) -> None:
     packed = pack(arguments)
     for k in numba.prange(blocks):
         measure_block(signed(k), *unpack(packed))
 
 
 # For each task, the kernel that runs it for all blocks.
-_IN_THREADS: dict[Callable[..., None], Callable[[int, tuple[Any, ...]], None]] = {
+_IN_THREADS: dict[Callable[..., None], Callable[[int, tuple[object, ...]], None]] = {
     set_block: _set_blocks,
     leap_block: _leap_blocks,
     step_block: _step_blocks,
@@ -74,7 +73,7 @@ _IN_THREADS: dict[Callable[..., None], Callable[[int, tuple[Any, ...]], None]] =
 
 
 def _by_all_threads(
-    group: SharedClock, task: Callable[..., None], arguments: tuple[Any, ...]
+    group: SharedClock, task: Callable[..., None], arguments: tuple[object, ...]
 ) -> None:
     """Or by one, for which nothing more is to be compiled, if there is too little to share."""
     blocks, _, size = group.work.state.place.shape

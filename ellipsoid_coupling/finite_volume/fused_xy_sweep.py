@@ -93,7 +93,7 @@ def _start_of(plane: Plane, cell: int) -> int:
     return plane.corner - GHOSTS + (cell - plane.corner) // plane.row * plane.row
 
 
-@kernel(noalias=True)
+@inline_kernel
 def _fill_row(cells: Rows, whole: _Whole, a: int, j: int) -> None:
     """Fill the ghosts of row j of plane a, if so much of it moves that its sweep looks there."""
     span = whole.spans[a, j]
@@ -196,7 +196,7 @@ def _fill_beside(whole: _Whole, strip: _Strip, low: bool, high: bool) -> None:
     fill_sides(whole.fields, whole.y, whole.table, (strip.a, start), columns, ends, whole.move.t)
 
 
-@kernel(noalias=True)
+@inline_kernel
 def _step_y(flux: Flux, whole: _Whole, strip: _Strip, row: int, room: Floats) -> None:
     """Take the march along y one row further: row - 1 gets what both its faces let through."""
     march, plane = strip.march, whole.plane

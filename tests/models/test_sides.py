@@ -102,7 +102,7 @@ def test_a_particle_bounces_off_the_one_side_that_reflects(scheme: Any, error: f
         "particles.realisations": 1, "times": [2.5], "numerics.tolerance": 1e-8,
     }  # fmt: skip
     last = ec.simulate(ec.load_scene("rotation", changes), "microscopic", scheme).to_dataset()
-    x, y = (float(last[name].isel(time=-1).squeeze()) for name in "xy")
+    x, y = (float(last[f"particle_{name}"].isel(time=-1).squeeze()) for name in "xy")
     assert (x, y) == pytest.approx((0.5 * abs(math.cos(2.5)), 0.3 * math.cos(2.5)), abs=error)
     assert y < -0.1
 

@@ -17,9 +17,9 @@ from ellipsoid_coupling.finite_volume.fluxes.contract import (
     Stencil,
     register_face_flux,
 )
-from ellipsoid_coupling.models import Setup, require_fit
+from ellipsoid_coupling.models import Setup, model_terms, require_fit
 from ellipsoid_coupling.result import Result
-from ellipsoid_coupling.scenes import load_scene, terms_of
+from ellipsoid_coupling.scenes import load_scene
 from ellipsoid_coupling.simulation import simulate
 
 COARSE: dict[str, Any] = {"numerics.cell": 0.1, "interaction": None, "times": [0.5]}
@@ -45,7 +45,7 @@ def test_what_is_unknown_or_does_not_fit_is_refused(
     """In one line, which names those that fit, before there is a flow."""
     scene = load_scene("rotation", {"numerics.flux": flux})
     with pytest.raises(InputError, match=r"numerics\.flux") as told:
-        require_fit(model, Setup(scene, terms_of(scene, model), scheme, None, 0, 1))
+        require_fit(model, Setup(scene, model_terms(scene, model), scheme, None, 0, 1))
     assert message in str(told.value).replace("\n", " ")
 
 

@@ -108,15 +108,8 @@ class Cells(NamedTuple):
 class Acceleration(NamedTuple):
     """What F and F_bar are evaluated from.
 
-    Attributes
-    ----------
-    terms : CellTerms
-    forces : Forces, AngleForces or NoForces
-        Of interaction and walls, not yet divided by mass and inertia.
-    planes : int
-        So many planes have forces of their own, which the others share.
-    vacuum : float
-        Up to this density there is no drift; minus infinity for that of all cells.
+    forces : of interaction and walls, not yet divided by mass and inertia; `planes` planes have their
+    own, which the others share. vacuum : up to this density there is no drift.
     """
 
     terms: CellTerms
@@ -173,15 +166,8 @@ def exact_gain(rate: float, dt: float) -> float:
 class Work(NamedTuple):
     """What a pass does to each cell, in this order, beside evaluating the drift where it is given.
 
-    Attributes
-    ----------
-    change : Kick
-    kicks : bool
-        Whether v and omega are kicked.
-    time : float
-        Phi becomes phi + time omega; where it is 0, nothing turns.
-    limits : bool
-        Whether peaks are raised.
+    change, kicks : kick v and omega, or not. time : phi becomes phi + time omega; where it is 0, nothing
+    turns. limits : raise the peaks that bound the next step.
     """
 
     change: Kick

@@ -44,7 +44,16 @@ ONLY_IN = {
 # Modules that stand beside the packages: the story, and how it is told.
 LOOSE = 8
 # What stands in models/ beside the models themselves.
-SHARED_BY_MODELS = ("__init__", "base", "failure_site", "from_scene", "r_grid", "run_warnings")
+SHARED_BY_MODELS = (
+    "__init__",
+    "base",
+    "cell_model",
+    "failure_site",
+    "from_scene",
+    "q_equation",
+    "r_grid",
+    "run_warnings",
+)
 # One reader, three sources of OpenFOAM data: see ellipsoid_coupling/flow.
 GPL = {"foamlib", "fluidfoam", "PyFoam"}
 

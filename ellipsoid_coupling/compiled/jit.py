@@ -139,7 +139,7 @@ def kernel(function: Any = None, *, noalias: bool = False) -> Any:
 
 def inline_kernel(function: Function) -> Function:
     """Compile a small scalar formula that every caller inlines, so that its loop vectorises."""
-    return _compiled(function, inline="always")
+    return _compiled(function, inline="always", forceinline=True)
 
 
 def parallel_kernel(function: Function) -> Function:

@@ -18,7 +18,7 @@ One pass over memory does several things to a cell, block by block so that each 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -37,7 +37,13 @@ from ellipsoid_coupling.compiled.algebra import (
     total,
 )
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
-from ellipsoid_coupling.compiled.loops import block_size, chunk, over_row, prefetch_block
+from ellipsoid_coupling.compiled.loops import (
+    block_size,
+    chunk,
+    over_row,
+    prefetch_block,
+    round_up_to_vectors,
+)
 from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.threads import single_task_chunks
@@ -64,11 +70,11 @@ Limit = CellwiseLimit | ExtremesLimit
 
 # Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
 _NEWTON_STEPS = 4
-# Cells of a block where the drift is kept: its 13 rows and 4 of peaks take half of the first cache.
-# Longer ones spill, shorter ones cost calls; 64, 128 and 256 tried on 1600 x 1600 cells, 32 KiB.
-_LONG_BLOCK = 128
-# So many tasks at most share the rows, each with peaks of its own.
-_TASKS = 64
+# Cells of a block where the drift is kept: a row of most grids. Shorter ones cost calls, 60 ns each;
+# 128 and 256 take 15 to 25 % longer on 1600 x 1600 cells.
+_LONG_BLOCK = 1024
+# So many tasks at most share the rows, each with peaks of its own, and rows that each has at least.
+_TASKS, _LEAST_ROWS = 64, 8
 
 
 class Cells(NamedTuple):
@@ -214,18 +220,49 @@ def _raise_peaks(i: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) ->
     store(peaks, i, maximum(load(peaks, i), found))
 
 
-@kernel(noalias=True)
-def _evaluate_row(
-    width: int,
-    cells: Rows,
-    angles: Rows,
-    plane_angle: float,
-    drive: Drive,
-    angular: Record | None,
-    vacuum: float,
-    drift: Rows,
+@inline_kernel
+def _evaluate_and_kick(
+    i: int, evaluation: tuple[Any, ...], cells: Rows, drift: Rows, change: Kick
 ) -> None:
-    over_row(width, _evaluate, (cells, angles, plane_angle, drive, angular, vacuum, drift))
+    """`_evaluate` and `_kick` of cell i, whose numbers stay in registers in between."""
+    angles, plane_angle, drive, angular, vacuum = evaluation
+    _evaluate(i, cells, angles, plane_angle, drive, angular, vacuum, drift)
+    _kick(i, cells, drift, change)
+
+
+@inline_kernel
+def _evaluate_kick_and_raise(
+    i: int,
+    evaluation: tuple[Any, ...],
+    cells: Rows,
+    drift: Rows,
+    change: Kick,
+    limit: Limit,
+    peaks: Rows,
+) -> None:
+    """`_evaluate_and_kick`, and `_raise_peaks` by what it leaves."""
+    _evaluate_and_kick(i, evaluation, cells, drift, change)
+    _raise_peaks(i, cells, drift, limit, peaks)
+
+
+@kernel(noalias=True)
+def _evaluate_and_kick_row(
+    width: int, evaluation: tuple[Any, ...], cells: Rows, drift: Rows, change: Kick
+) -> None:
+    over_row(width, _evaluate_and_kick, (evaluation, cells, drift, change))
+
+
+@kernel(noalias=True)
+def _evaluate_kick_and_raise_row(
+    width: int,
+    evaluation: tuple[Any, ...],
+    cells: Rows,
+    drift: Rows,
+    change: Kick,
+    limit: Limit,
+    peaks: Rows,
+) -> None:
+    over_row(width, _evaluate_kick_and_raise, (evaluation, cells, drift, change, limit, peaks))
 
 
 @kernel(noalias=True)
@@ -281,13 +318,20 @@ def _treat_block(
     if force is not None:
         drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
         angular, plane_angle = force.terms.angular, FULL_TURN * a / planes
-        _evaluate_row(width, moving, angles, plane_angle, drive, angular, force.vacuum, drift)
-    if work.kicks:
+        evaluation = angles, plane_angle, drive, angular, force.vacuum
+        # A pass that kicks nothing has the change of no time.
+        if work.limits:
+            _evaluate_kick_and_raise_row(
+                width, evaluation, moving, drift, work.change, limit, peaks
+            )
+        else:
+            _evaluate_and_kick_row(width, evaluation, moving, drift, work.change)
+    elif work.kicks:
         _kick_row(width, moving, drift, work.change)
     if work.time != 0.0:
         spins = rows_at(fields, axpy(cells.spin, every, row), start + GHOSTS)
         _turn_row(width, angles, spins, work.time)
-    if work.limits:
+    if work.limits and force is None:
         _raise_peaks_row(width, moving, drift, limit, peaks)
 
 
@@ -303,7 +347,9 @@ def _treat_lines(
     """All of a pass for one task's share of the rows."""
     planes, rows = cells.extents.shape[:2]
     block = _LONG_BLOCK if cells.drift.shape[1] > 0 else block_size(cells.fields.shape[0])
-    found = np.zeros((len(limit.peaks), block))
+    # Memory of short rows, or of none, is soon cleared.
+    block = min(block, round_up_to_vectors(cells.fields.shape[3]))
+    found = np.zeros((len(limit.peaks), block if work.limits else 0))
     scratch = np.empty((len(cells.rates), block))
     peaks = rows_at(found, limit.peaks, 0)
     first, end = chunk(task, largest.shape[0], planes * rows)
@@ -313,8 +359,9 @@ def _treat_lines(
         for start in range(cells.extents[a, j, 0], stop, block):
             width = min(block, stop - start)
             _treat_block((a, j, start), width, cells, force, work, limit, scratch, peaks)
-    for k in range(found.shape[0]):
-        largest[task, k] = found[k].max()
+    if work.limits:
+        for k in range(found.shape[0]):
+            largest[task, k] = found[k].max()
 
 
 @parallel_kernel
@@ -343,7 +390,7 @@ def treat(cells: Cells, force: Acceleration | None, work: Work, limit: Limit) ->
         What the new velocities reach at most, for `limit.allowed`; 0 unless `work.limits`.
     """
     lines = cells.extents.shape[0] * cells.extents.shape[1]
-    largest = np.zeros((min(lines, _TASKS), len(limit.peaks)))
+    largest = np.zeros((min(-(-lines // _LEAST_ROWS), _TASKS), len(limit.peaks)))
     with single_task_chunks():
         _treat(largest.shape[0], (cells, force, work, limit, largest))
     return np.asarray(largest.max(axis=0))

@@ -8,7 +8,7 @@ All particles of a cell share v, omega and the angle, so its sources are those o
 
 whatever the closure. F and F_bar depend on place and angle, not on velocities: the exact solution and an
 implicit Euler step are both a kick, v becomes decay v + gain F, and so is the drift velocity F/Gamma.
-Only a carried angle makes the implicit step of the torque an equation, which Newton solves.
+Only a carried angle makes the implicit step of the torque an equation: see `implicit_turn.py`.
 
 One pass over memory does several things to a cell, block by block so that each finds it in cache:
 
@@ -45,7 +45,6 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
     Drive,
     NoForces,
-    angular_rate,
     drive_at,
     driven,
 )
@@ -62,8 +61,6 @@ Floats = NDArray[np.float64]
 AnyForces = Forces | AngleForces | NoForces
 Limit = CellwiseLimit | ExtremesLimit
 
-# Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
-_NEWTON_STEPS = 4
 # So many tasks at most share the rows, each with peaks of its own.
 _TASKS = 64
 
@@ -86,6 +83,8 @@ class Cells(NamedTuple):
         The components that are density and momenta.
     angle, spin : (1,) or () int
         The components that are density times a carried angle, and times its rate.
+    further : tuple of int
+        The components that are none of these; the pressure may depend on them.
     """
 
     fields: Floats
@@ -95,6 +94,7 @@ class Cells(NamedTuple):
     moving: tuple[int, ...]
     angle: tuple[int, ...]
     spin: tuple[int, ...]
+    further: tuple[int, ...] = ()
 
 
 class Acceleration(NamedTuple):
@@ -217,11 +217,14 @@ def _turn(i: int, angles: Rows, spins: Rows, time: float) -> None:
 
 
 @inline_kernel
-def _raise_peaks(i: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
+def _raise_peaks(
+    i: int, cells: Rows, further: Rows, drift: Rows, limit: Limit, peaks: Rows
+) -> None:
     cell = load(cells, i)
     # Written so that NaN is no vacuum and shows.
     inverse = 0.0 if cell[0] <= 0.0 else 1.0 / cell[0]
-    found = reached(limit, inverse, cell[1:], load(drift, i))
+    state = (cell[0], *load(further, i))
+    found = reached(limit, inverse, cell[1:], load(drift, i), state)
     store(peaks, i, maximum(load(peaks, i), found))
 
 
@@ -250,8 +253,10 @@ def _turn_row(width: int, angles: Rows, spins: Rows, time: float) -> None:
 
 
 @kernel(noalias=True)
-def _raise_peaks_row(width: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
-    over_row(width, _raise_peaks, (cells, drift, limit, peaks))
+def _raise_peaks_row(
+    width: int, cells: Rows, further: Rows, drift: Rows, limit: Limit, peaks: Rows
+) -> None:
+    over_row(width, _raise_peaks, (cells, further, drift, limit, peaks))
 
 
 @kernel(noalias=True)
@@ -296,7 +301,8 @@ def _treat_block(
         spins = rows_at(fields, axpy(cells.spin, every, row), start + GHOSTS)
         _turn_row(width, angles, spins, work.time)
     if work.limits:
-        _raise_peaks_row(width, moving, drift, limit, peaks)
+        further = rows_at(fields, axpy(cells.further, every, row), start + GHOSTS)
+        _raise_peaks_row(width, moving, further, drift, limit, peaks)
 
 
 @kernel
@@ -355,46 +361,3 @@ def treat(cells: Cells, force: Acceleration | None, work: Work, limit: Limit) ->
     with single_task_chunks():
         _treat(largest.shape[0], (cells, force, work, limit, largest))
     return np.asarray(largest.max(axis=0))
-
-
-@parallel_kernel
-def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> None:
-    """Turn phi by one implicit Euler step, in place; the paper's treatment, after an implicit kick.
-
-        phi1 = phi + dt omega1,  omega1 = omega + gain (R(phi1) - R(phi))
-
-    omega is what the kick made of the drift at the old angle. R are the torques that are known as
-    functions of the angle, those of fluid and V2; the torque of the interaction is that of the old one.
-
-    gain : of omega, that of the kick
-    """
-    fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
-    rows, columns = cells.drift.shape[2:]
-    for j in numba.prange(rows):
-        for i in range(columns):
-            p, q = j + GHOSTS, i + GHOSTS
-            rho = fields[0, 0, p, q]
-            if rho > 0.0:
-                phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
-                new = _implicit_spin(phi, omega, terms, (j, i), (gain, dt))
-                fields[spin, 0, p, q] = rho * new
-                fields[angle, 0, p, q] += dt * rho * new
-
-
-@kernel
-def _implicit_spin(
-    angle: float,
-    spin: float,
-    terms: CellTerms,
-    cell: tuple[int, int],
-    step: tuple[float, float],
-) -> float:
-    """Omega1 of one cell, for the step (gain, dt)."""
-    j, i = cell
-    gain, dt = step
-    old, _ = angular_rate(terms.turning, terms.angular, j, i, angle)
-    new = spin
-    for _ in range(_NEWTON_STEPS):
-        rate, slope = angular_rate(terms.turning, terms.angular, j, i, angle + dt * new)
-        new -= (new - spin - gain * (rate - old)) / (1.0 - gain * dt * slope)
-    return new

@@ -53,6 +53,7 @@ from ellipsoid_coupling.finite_volume.sources import (
     treat,
 )
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
+from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.finite_volume.well_balanced_stages import (
     Stage,
     combine,
@@ -80,11 +81,16 @@ class WellBalancedHeun:
     flux: ClassVar[str] = "kinetic"
     balances: ClassVar[bool] = True
 
+    @staticmethod
+    def fits(system: System, angle_resolved: bool) -> bool:
+        """For the unit Gaussian that the kinetic flux knows, and forces by angle."""
+        return system.pressure == 1.0 and angle_resolved and not system.slaved
+
     def __init__(self, system: CellFields, make_flux: FluxMaker) -> None:
         self._system, self._make_flux = system, make_flux
         # Pressure is a q-equation's, whose forces these are.
         self._forces = cast(AngleGridForces, system.find_forces)
-        self._limit = system.cellwise_limit(1)._replace(sound=SIGNAL, damped=True)
+        self._limit = system.cellwise_limit(1)._replace(sound=SIGNAL, damped=True, pressure=0.0)
         self._steady = _steady_forces(system, self._forces.walls, self._limit)
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)

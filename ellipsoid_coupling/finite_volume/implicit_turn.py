@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba
 
 from ellipsoid_coupling.compiled.jit import kernel, parallel_kernel
+from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, angular_rate
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.sources import Cells
@@ -13,7 +14,6 @@ from ellipsoid_coupling.finite_volume.sources import Cells
 _NEWTON_STEPS = 4
 
 
-@parallel_kernel
 def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> None:
     """Turn phi by one implicit Euler step, in place; the paper's treatment, after an implicit kick.
 
@@ -24,17 +24,28 @@ def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> N
 
     gain : of omega, that of the kick
     """
-    fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
-    rows, columns = cells.drift.shape[2:]
+    _turn_rows(cells.extents.shape[1], (cells, terms, (gain, dt)))
+
+
+@parallel_kernel
+def _turn_rows(rows: int, arguments: tuple[Cells, CellTerms, tuple[float, float]]) -> None:
+    packed = pack(arguments)
     for j in numba.prange(rows):
-        for i in range(columns):
-            p, q = j + GHOSTS, i + GHOSTS
-            rho = fields[0, 0, p, q]
-            if rho > 0.0:
-                phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
-                new = _implicit_spin(phi, omega, terms, (j, i), (gain, dt))
-                fields[spin, 0, p, q] = rho * new
-                fields[angle, 0, p, q] += dt * rho * new
+        cells, terms, step = unpack(packed)
+        _turn_row(signed(j), cells, terms, step)
+
+
+@kernel
+def _turn_row(j: int, cells: Cells, terms: CellTerms, step: tuple[float, float]) -> None:
+    fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
+    for i in range(fields.shape[3] - 2 * GHOSTS):
+        p, q = j + GHOSTS, i + GHOSTS
+        rho = fields[0, 0, p, q]
+        if rho > 0.0:
+            phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
+            new = _implicit_spin(phi, omega, terms, (j, i), step)
+            fields[spin, 0, p, q] = rho * new
+            fields[angle, 0, p, q] += step[1] * rho * new
 
 
 @kernel

@@ -99,8 +99,8 @@ class WithTemperature(RGridEquation):
 
     def snapshot(self) -> Arrays:
         """The variables of the layout, and the temperature."""
-        shown = super().snapshot()
-        return shown | {"temperature": self.per_mass("entropy") * shown["density"]}
+        density = self.cells.inside[0, 0]
+        return super().snapshot() | {"temperature": self.per_mass("entropy") * density}
 
 
 # That is the whole model. From here on it is registered and run like any other.

@@ -12,7 +12,8 @@ isothermal Euler with sound speed 1. Any other pressure is a record and its form
 
     register_pressure(Adiabatic, pressure=..., sound_speed=...)
 
-An equation of its own (of a temperature, say) is a further component of a `finite_volume.system.System`.
+An equation of its own (of a temperature, say) is a further component of a `finite_volume.system.System`:
+tests/extension/test_closure.py adds one.
 """
 
 from __future__ import annotations

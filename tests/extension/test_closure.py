@@ -147,11 +147,26 @@ def test_a_gas_cools_as_it_expands() -> None:
     assert errors[1] < 0.025
 
 
-def test_a_bath_gives_its_temperature(tmp_path: Path) -> None:
+class Cold(WithTemperature):
+    """Particles so cold that T is carried along without pressing: as mono-kinetic, by both schemes."""
+
+    @classmethod
+    def system(cls, setup: Setup) -> System:
+        return super().system(setup)._replace(pressure=0.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "scheme"), [(WithTemperature, "paper"), (Cold, "paper"), (Cold, "accurate")]
+)
+def test_a_bath_gives_its_temperature(
+    model: type[WithTemperature], scheme: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In a shear flow, which compresses nothing, T - T_b = (T_0 - T_b) e^{-2 gamma t} to rounding.
 
     T_b = A^2/(2 gamma). The result file has the temperature among its variables.
     """
+    monkeypatch.setattr(registry, "registered", {})
+    ec.register_model(model)
     drag, noise = 1.5, 0.6
     settings = {
         "start.x": [-1.0, 2.0],
@@ -162,7 +177,7 @@ def test_a_bath_gives_its_temperature(tmp_path: Path) -> None:
         "numerics.cell": 0.05,
     }
     scene = ec.load_scene(PIPE, settings)
-    ec.simulate(scene, "rho_temperature", scheme="paper", folder=tmp_path / "run")
+    ec.simulate(scene, "rho_temperature", scheme=scheme, folder=tmp_path / "run")
     found = ec.Result.load(tmp_path / "run").to_dataset()["temperature"]
     bath = noise**2 / (2.0 * drag)
     for k, t in enumerate(scene.times):

@@ -41,6 +41,10 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
 FROZEN = "frozen"
 MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN,), "q": (), "rho": ()}
 
+# The attribute that tells of further variables, those of a model from outside: a line each, "name, units,
+# long name".
+FURTHER = "further_variables"
+
 # units and long_name of every variable and coordinate
 _DESCRIPTION: dict[str, tuple[str, str]] = {
     "time": ("1", "time"),
@@ -58,7 +62,7 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
     "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
-    "step_limits",
+    "step_limits", FURTHER,
 )  # fmt: skip
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
@@ -66,6 +70,18 @@ _NUMBERS = (
 )  # fmt: skip
 _LONGEST = 10_000
 _REMEDY = "Give a result.nc that this package wrote."
+
+
+def further_text(variables: Sequence[tuple[str, str, str]]) -> dict[str, str]:
+    """The attribute that tells of further variables (name, units, long name); none where there are none."""
+    return {FURTHER: "\n".join(map(", ".join, variables))} if variables else {}
+
+
+def further_variables(attributes: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """Units and long names of further variables, by name."""
+    lines = str(attributes.get(FURTHER, "")).splitlines()
+    parts = ((*line.split(", ", 2), "", "") for line in lines)
+    return {name: (units, long_name) for name, units, long_name, *_ in parts}
 
 
 @dataclass(frozen=True)
@@ -84,7 +100,8 @@ class Result:
     coordinates : dict
         Cell centres of the grid's axes.
     attributes : dict
-        status, seed, steps, wall_seconds (without compiling), compile_seconds, mass_start, ...
+        status, seed, steps, wall_seconds (without compiling), compile_seconds, mass_start, ...; further
+        variables as `further_text` puts them.
     """
 
     scene: Scene
@@ -187,8 +204,9 @@ class Result:
             attrs={"scene": self.scene.name, "model": self.model, "scheme": self.scheme}
             | self.attributes,
         )
+        described = further_variables(self.attributes) | _DESCRIPTION
         for name in data.variables:
-            units, long_name = _DESCRIPTION[str(name)]
+            units, long_name = described[str(name)]
             data[name].attrs = {"units": units, "long_name": long_name}
         return data
 
@@ -254,7 +272,7 @@ class Result:
         if not np.array_equal(self.times, self.scene.times[:count]):
             expected = f"the scene's times {self.scene.times}"
             raise InputError(f"{where}, time", expected, str(self.times), _REMEDY)
-        wanted = VARIABLES[self.layout]
+        wanted = (*VARIABLES[self.layout], *further_variables(self.attributes))
         if set(self.variables) - set(MARKS[self.layout]) != set(wanted):
             found = ", ".join(sorted(self.variables)) or "none"
             raise InputError(where, f"the variables {', '.join(wanted)}", found, _REMEDY)

@@ -24,6 +24,7 @@ from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_
 from ellipsoid_coupling.models import (
     ADAPTIVE_SCHEME,
     Model,
+    ModelKind,
     SchemeName,
     Setup,
     build_model,
@@ -34,7 +35,7 @@ from ellipsoid_coupling.models import (
     scheme_named,
 )
 from ellipsoid_coupling.monitors import Monitors, Pace
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import MARKS, VARIABLES, Result, further_text
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
@@ -190,6 +191,7 @@ class _Run:
         self.asked = Interruption()
         with taking_turns(), CompileTimer() as self.compiling, ExitStack() as claim:
             self.model: Model = build_model(self.name, self.setup)
+            _require_declared(kind_named(self.name), self.model.snapshot())
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
                 identity = _identity(self.name, self.setup)
@@ -284,11 +286,12 @@ class _Run:
 
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
+        kind = kind_named(self.name)
         result = Result(
             scene=self.setup.scene,
             model=self.name,
             scheme=self.setup.scheme,
-            layout=kind_named(self.name).layout,
+            layout=kind.layout,
             times=np.array(self.setup.scene.times[: len(self.snapshots)]),
             variables=_stack(self.snapshots or [self.model.snapshot()], len(self.snapshots)),
             coordinates=self.model.coordinates(),
@@ -300,6 +303,7 @@ class _Run:
                 "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
                 **self.model.counts(),
+                **further_text(kind.variables),
                 "wall_seconds": float(wall),
                 "compile_seconds": float(compiling),
             },
@@ -309,6 +313,17 @@ class _Run:
             result.save(self.folder.result)
             self.folder.clear()
         return result
+
+
+def _require_declared(kind: ModelKind, snapshot: Arrays) -> None:
+    """TypeError unless a snapshot has the layout's variables and those that the kind declares."""
+    declared = {*VARIABLES[kind.layout], *(one.name for one in kind.variables)}
+    wrong = (set(snapshot) - {*MARKS[kind.layout]}) ^ declared
+    if wrong:
+        raise TypeError(
+            f"model {kind.name}: expected snapshots of {', '.join(sorted(declared))}, found "
+            f"{', '.join(sorted(snapshot))}. Declare the others in ModelKind.variables."
+        )
 
 
 def _finished(folder: RunFolder) -> Result | None:

@@ -16,7 +16,7 @@ A kind of flux, potential, boundary or closure is a NamedTuple (its parameters) 
     register_formula(outer_force, Harmonic, _harmonic_force)
 
 A kernel calls ``outer_force(potential, x, y)`` and is compiled with the formula of that type inlined.
-A formula for `type(None)` is what an absent part does.
+A formula for `type(None)` is what an absent part does, one for `float` what a plain number stands for.
 What is registered from outside of the package is compiled anew in every session: numba's cache would not
 notice that its file has changed.
 """
@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
 from numba.core import types
@@ -41,9 +41,11 @@ _ABSENT = type(None)
 
 
 def _kind_of(numba_type: Any) -> Any:
-    """The Python type that a kernel's argument has: a NamedTuple, or that of None; else None."""
+    """The Python type that a kernel's argument has: a NamedTuple, float, or that of None; else None."""
     if isinstance(numba_type, types.NoneType):
         return _ABSENT
+    if isinstance(numba_type, types.Float):
+        return float
     return getattr(numba_type, "instance_class", None)
 
 
@@ -56,16 +58,32 @@ def chosen_by_type(declared: Function) -> Function:
 
     @functools.wraps(declared)
     def call(first: Any, *others: Any) -> Any:
-        formula = formulas.get(type(first))
-        if formula is None:
-            known = ", ".join(kind.__name__ for kind in formulas if kind is not _ABSENT) or "none"
-            raise TypeError(
-                f"{declared.__name__} is not known for {type(first).__name__}, but for {known}"
-            )
-        return formula(first, *others)
+        require_formula(call, first)
+        return formulas[type(first)](first, *others)
 
     vars(call)["formulas"] = formulas
     return cast(Function, call)
+
+
+def require_formula(function: Callable[..., Any], first: Any) -> None:
+    """TypeError, naming the known types, unless `function` has a formula for the type of `first`."""
+    formulas: dict[type[Any], Callable[..., Any]] = vars(function)["formulas"]
+    if type(first) not in formulas:
+        known = ", ".join(kind.__name__ for kind in formulas if kind is not _ABSENT) or "none"
+        raise TypeError(
+            f"{function.__name__} is not known for {type(first).__name__}, but for {known}"
+        )
+
+
+def require_arguments(formula: Callable[..., Any], expected: Sequence[str]) -> None:
+    """TypeError unless a formula takes so many arguments; it may have names of its own for them."""
+    source: Any = getattr(formula, "py_func", formula)
+    found = tuple(inspect.signature(source).parameters)
+    if len(found) != len(expected):
+        raise TypeError(
+            f"{source.__name__}: expected the arguments ({', '.join(expected)}), "
+            f"found ({', '.join(found)})"
+        )
 
 
 def register_formula(
@@ -75,14 +93,17 @@ def register_formula(
 
     Parameters
     ----------
-    kind : a NamedTuple, or type(None)
+    kind : a NamedTuple, float, or type(None)
     formula : an inline kernel, or a Python function that numba can compile
 
     Raises
     ------
     ValueError
         If that type has a formula already.
+    TypeError
+        If the formula takes another number of arguments.
     """
+    require_arguments(formula, tuple(inspect.signature(function).parameters))
     formulas: dict[type[Any], Callable[..., Any]] = vars(function)["formulas"]
     if kind in formulas:
         raise ValueError(f"{function.__name__} has a formula for {kind.__name__} already")

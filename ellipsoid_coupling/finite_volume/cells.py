@@ -15,10 +15,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compiled.dispatch import require_formula
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker, Transported
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
-from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order
+from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order, through_face
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
@@ -45,6 +46,7 @@ from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCIT
 from ellipsoid_coupling.geometry.ghost_table import GhostTable
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.interaction.q_grid import AngleForces
+from ellipsoid_coupling.physics.closure import cell_pressure
 from ellipsoid_coupling.stepping.step_control import looking_ahead
 
 Floats = NDArray[np.float64]
@@ -97,6 +99,7 @@ class CellFields:
     time: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
+        require_formula(cell_pressure, self.system.pressure)
         planes, *plane = self.grid.shape
         self.fields = np.zeros((len(self.system.components), *self.grid.padded))
         kept = 0 if self.grid.angle_resolved else planes
@@ -117,6 +120,10 @@ class CellFields:
         planes = self.grid.shape[0]
         ghosts = (self.fields.shape[1] - planes) // 2
         return interior(self.fields[:, ghosts : ghosts + planes])
+
+    def fill(self, name: str, per_mass: Floats) -> None:
+        """Set a component inside to the density times `per_mass`, (na, ny, nx) or what spreads to it."""
+        self.inside[self.system.place(name)] = self.inside[0] * per_mass
 
     @property
     def mass(self) -> float:
@@ -145,12 +152,14 @@ class CellFields:
 
     def transport(self, flux: Flux, axis: int, dt: float) -> None:
         """Move all fields along an axis for dt; the extents grow with them."""
+        require_formula(through_face, flux)
         ratio = dt / self.grid.width(axis)
         here = self.fields, axis, ratio, self.extents, self.ghosts, self.time
         self.extents = transport(flux, *here, self.outflow)
 
     def _transport_in_plane(self, flux: Flux, x_first: bool, dt: float) -> None:
         """Move all fields along x and then y for dt, or along y and then x, in one pass."""
+        require_formula(through_face, flux)
         move = Move(x_first, dt / self.grid.plane.cell, self.time)
         if self.grid.angle_resolved:
             here = self.fields, move, self.extents, self.ghosts
@@ -196,7 +205,8 @@ class CellFields:
         velocities, angle = self.system.velocities, self.system.carried_angle
         spin = velocities[2:] if angle else ()
         each = tuple(range(len(velocities)))
-        return Cells(self.fields, self.extents, self.drift, each, (0, *velocities), angle, spin)
+        moving, further = (0, *velocities), self.system.further
+        return Cells(self.fields, self.extents, self.drift, each, moving, angle, spin, further)
 
     @property
     def keeps_drift(self) -> bool:
@@ -211,9 +221,9 @@ class CellFields:
 
     def limit(self, order: int) -> Limit:
         """What bounds the steps of a scheme of this order; see `step_limits`."""
-        return (
-            self.cellwise_limit(order) if self.grid.angle_resolved else self._extremes_limit(order)
-        )
+        # Extremes know no sound.
+        cellwise = self.grid.angle_resolved or self.system.pressure != 0.0
+        return self.cellwise_limit(order) if cellwise else self._extremes_limit(order)
 
     def cellwise_limit(self, order: int) -> CellwiseLimit:
         """The bound cell by cell; no cells are crossed where the angle is no axis."""
@@ -221,8 +231,8 @@ class CellFields:
         reach, ahead = (
             (*lengths, 0.0)[:velocities] for lengths in (self._reach, self._ahead(order))
         )
-        rates, sound = dampings(self.terms, velocities), math.sqrt(self.system.pressure)
-        return CellwiseLimit(tuple(range(velocities)), reach, rates, ahead, sound)
+        rates, each = dampings(self.terms, velocities), tuple(range(velocities))
+        return CellwiseLimit(each, reach, rates, ahead, pressure=self.system.pressure)
 
     def _extremes_limit(self, order: int) -> ExtremesLimit:
         velocities, slaved = len(self.system.velocities), self.system.slaved

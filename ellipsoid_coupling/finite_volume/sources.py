@@ -8,7 +8,7 @@ All particles of a cell share v, omega and the angle, so its sources are those o
 
 whatever the closure. F and F_bar depend on place and angle, not on velocities: the exact solution and an
 implicit Euler step are both a kick, v becomes decay v + gain F, and so is the drift velocity F/Gamma.
-Only a carried angle makes the implicit step of the torque an equation, which Newton solves.
+Only a carried angle makes the implicit step of the torque an equation: see `implicit_turn.py`.
 
 One pass over memory does several things to a cell, block by block so that each finds it in cache:
 
@@ -51,7 +51,6 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     CellTerms,
     Drive,
     NoForces,
-    angular_rate,
     drive_at,
     driven,
 )
@@ -95,6 +94,8 @@ class Cells(NamedTuple):
         The components that are density and momenta.
     angle, spin : (1,) or () int
         The components that are density times a carried angle, and times its rate.
+    further : tuple of int
+        The components that are none of these; the pressure may depend on them.
     """
 
     fields: Floats
@@ -104,6 +105,7 @@ class Cells(NamedTuple):
     moving: tuple[int, ...]
     angle: tuple[int, ...]
     spin: tuple[int, ...]
+    further: tuple[int, ...] = ()
 
 
 class Acceleration(NamedTuple):
@@ -212,11 +214,14 @@ def _turn(i: int, angles: Rows, spins: Rows, time: float) -> None:
 
 
 @inline_kernel
-def _raise_peaks(i: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
+def _raise_peaks(
+    i: int, cells: Rows, further: Rows, drift: Rows, limit: Limit, peaks: Rows
+) -> None:
     cell = load(cells, i)
     # Written so that NaN is no vacuum and shows.
     inverse = 0.0 if cell[0] <= 0.0 else 1.0 / cell[0]
-    found = reached(limit, inverse, cell[1:], load(drift, i))
+    state = (cell[0], *load(further, i))
+    found = reached(limit, inverse, cell[1:], load(drift, i), state)
     store(peaks, i, maximum(load(peaks, i), found))
 
 
@@ -237,12 +242,13 @@ def _evaluate_kick_and_raise(
     cells: Rows,
     drift: Rows,
     change: Kick,
+    further: Rows,
     limit: Limit,
     peaks: Rows,
 ) -> None:
     """`_evaluate_and_kick`, and `_raise_peaks` by what it leaves."""
     _evaluate_and_kick(i, evaluation, cells, drift, change)
-    _raise_peaks(i, cells, drift, limit, peaks)
+    _raise_peaks(i, cells, further, drift, limit, peaks)
 
 
 @kernel(noalias=True)
@@ -259,10 +265,13 @@ def _evaluate_kick_and_raise_row(
     cells: Rows,
     drift: Rows,
     change: Kick,
+    further: Rows,
     limit: Limit,
     peaks: Rows,
 ) -> None:
-    over_row(width, _evaluate_kick_and_raise, (evaluation, cells, drift, change, limit, peaks))
+    over_row(
+        width, _evaluate_kick_and_raise, (evaluation, cells, drift, change, further, limit, peaks)
+    )
 
 
 @kernel(noalias=True)
@@ -276,8 +285,10 @@ def _turn_row(width: int, angles: Rows, spins: Rows, time: float) -> None:
 
 
 @kernel(noalias=True)
-def _raise_peaks_row(width: int, cells: Rows, drift: Rows, limit: Limit, peaks: Rows) -> None:
-    over_row(width, _raise_peaks, (cells, drift, limit, peaks))
+def _raise_peaks_row(
+    width: int, cells: Rows, further: Rows, drift: Rows, limit: Limit, peaks: Rows
+) -> None:
+    over_row(width, _raise_peaks, (cells, further, drift, limit, peaks))
 
 
 @kernel(noalias=True)
@@ -311,6 +322,7 @@ def _treat_block(
         prefetch_block(rows_at(fields, add(here, 1), start + GHOSTS), width)
     moving = rows_at(fields, here, start + GHOSTS)
     angles = rows_at(fields, axpy(cells.angle, every, row), start + GHOSTS)
+    further = rows_at(fields, axpy(cells.further, every, row), start + GHOSTS)
     # A drift that is not kept lives in cache only.
     drift = rows_at(scratch, cells.rates, 0)
     if kept:
@@ -322,7 +334,7 @@ def _treat_block(
         # A pass that kicks nothing has the change of no time.
         if work.limits:
             _evaluate_kick_and_raise_row(
-                width, evaluation, moving, drift, work.change, limit, peaks
+                width, evaluation, moving, drift, work.change, further, limit, peaks
             )
         else:
             _evaluate_and_kick_row(width, evaluation, moving, drift, work.change)
@@ -332,7 +344,7 @@ def _treat_block(
         spins = rows_at(fields, axpy(cells.spin, every, row), start + GHOSTS)
         _turn_row(width, angles, spins, work.time)
     if work.limits and force is None:
-        _raise_peaks_row(width, moving, drift, limit, peaks)
+        _raise_peaks_row(width, moving, further, drift, limit, peaks)
 
 
 @kernel
@@ -394,46 +406,3 @@ def treat(cells: Cells, force: Acceleration | None, work: Work, limit: Limit) ->
     with single_task_chunks():
         _treat(largest.shape[0], (cells, force, work, limit, largest))
     return np.asarray(largest.max(axis=0))
-
-
-@parallel_kernel
-def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> None:
-    """Turn phi by one implicit Euler step, in place; the paper's treatment, after an implicit kick.
-
-        phi1 = phi + dt omega1,  omega1 = omega + gain (R(phi1) - R(phi))
-
-    omega is what the kick made of the drift at the old angle. R are the torques that are known as
-    functions of the angle, those of fluid and V2; the torque of the interaction is that of the old one.
-
-    gain : of omega, that of the kick
-    """
-    fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
-    rows, columns = cells.drift.shape[2:]
-    for j in numba.prange(rows):
-        for i in range(columns):
-            p, q = j + GHOSTS, i + GHOSTS
-            rho = fields[0, 0, p, q]
-            if rho > 0.0:
-                phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
-                new = _implicit_spin(phi, omega, terms, (j, i), (gain, dt))
-                fields[spin, 0, p, q] = rho * new
-                fields[angle, 0, p, q] += dt * rho * new
-
-
-@kernel
-def _implicit_spin(
-    angle: float,
-    spin: float,
-    terms: CellTerms,
-    cell: tuple[int, int],
-    step: tuple[float, float],
-) -> float:
-    """Omega1 of one cell, for the step (gain, dt)."""
-    j, i = cell
-    gain, dt = step
-    old, _ = angular_rate(terms.turning, terms.angular, j, i, angle)
-    new = spin
-    for _ in range(_NEWTON_STEPS):
-        rate, slope = angular_rate(terms.turning, terms.angular, j, i, angle + dt * new)
-        new -= (new - spin - gain * (rate - old)) / (1.0 - gain * dt * slope)
-    return new

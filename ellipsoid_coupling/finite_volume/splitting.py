@@ -26,14 +26,15 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.algebra import scale
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
+from ellipsoid_coupling.finite_volume.implicit_turn import turn_implicitly
 from ellipsoid_coupling.finite_volume.sources import (
     Kick,
     drift_velocity,
     exact_kick,
     implicit_kick,
-    turn_implicitly,
 )
 from ellipsoid_coupling.finite_volume.step_limits import Allowed, extremes_of
+from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.stepping.step_control import CFL_LIMIT
 
@@ -57,6 +58,11 @@ class Stepper(Protocol):
     flux: ClassVar[str]
     balances: ClassVar[bool]
     memory: Floats
+
+    @staticmethod
+    def fits(system: System, angle_resolved: bool) -> bool:
+        """Whether it steps such a system, whose angle is an axis or is carried."""
+        ...
 
     def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
         """For these cells, whose interaction is of `quantity`."""
@@ -124,6 +130,12 @@ class Godunov(_Split):
     order: ClassVar[int] = 1
     flux: ClassVar[str] = "force"
 
+    @staticmethod
+    def fits(system: System, angle_resolved: bool) -> bool:
+        """For any pressure."""
+        del angle_resolved
+        return not system.slaved
+
     def step(self, dt: float, count: int) -> bool:
         """Transport, then sources at the new density; never refused."""
         del count
@@ -131,11 +143,12 @@ class Godunov(_Split):
         cells.transport_all(self._make_flux, cells.axes, dt)
         cells.narrow_extents()
         cells.update_forces()
+        # Before the next step is chosen: the speed of sound may have changed.
+        cells.react(dt)
         change = implicit_kick(cells.terms, dt, self._velocities)
         self._meet_forces(change)
         if cells.system.carried_angle:
             turn_implicitly(cells.cells, cells.terms, change.gain[-1], dt)
-        cells.react(dt)
         return True
 
 
@@ -148,6 +161,12 @@ class KickDriftKick(_Split):
 
     order: ClassVar[int] = 2
     flux: ClassVar[str] = "ballistic"
+
+    @staticmethod
+    def fits(system: System, angle_resolved: bool) -> bool:
+        """Where flights are straight: no pressure bends them."""
+        del angle_resolved
+        return system.single_stream
 
     def restore(self) -> None:
         """As at the start: velocities change after the drift is evaluated, place and angle do not."""
@@ -174,6 +193,12 @@ class KickDriftKick(_Split):
 
 class _Overdamped(_Split):
     """What both schemes share whose velocities follow from the drift at once."""
+
+    @staticmethod
+    def fits(system: System, angle_resolved: bool) -> bool:
+        """The drift velocity is all that moves mass, so there is no pressure."""
+        del angle_resolved
+        return system.slaved and system.pressure == 0.0
 
     def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
         super().__init__(cells, make_flux)

@@ -25,6 +25,7 @@ from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
 from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.compiled.rows import map_fields
+from ellipsoid_coupling.physics.closure import Pressure, cell_sound
 from ellipsoid_coupling.stepping.step_control import CFL_LIMIT, FORCE_LIMIT, ROTATION_LIMIT
 
 Floats = NDArray[np.float64]
@@ -41,7 +42,11 @@ _COARSE = 128
 
 @chosen_by_type
 def reached(
-    limit: CellwiseLimit | ExtremesLimit, inverse: float, momenta: Values, drift: Values
+    limit: CellwiseLimit | ExtremesLimit,
+    inverse: float,
+    momenta: Values,
+    drift: Values,
+    state: Values,
 ) -> Values:
     """What bounds the step in a cell, (`limit.peaks`,); infinite if not finite, 0 in vacuum.
 
@@ -51,6 +56,8 @@ def reached(
         1/rho, 0 in vacuum.
     momenta, drift : (2 or 3,)
         Rho v and rho omega; F_x, F_y and F_bar.
+    state : (1 + further components,)
+        The density, and what the pressure may depend on besides.
     """
     raise NotImplementedError
 
@@ -69,9 +76,11 @@ class CellwiseLimit(NamedTuple):
     ahead : (D,)
         Over which accelerations count, at least `distances`; see `step_control.looking_ahead`.
     sound : float
-        Speed of sound, which adds to the velocities.
+        Speed of signals, which adds to the velocities.
     damped : bool
         Damping is solved exactly, so that no velocity passes F/Gamma within a step.
+    pressure : float or record
+        Its speed of sound adds to the velocities, too; see `physics.closure`.
     """
 
     peaks: tuple[int, ...]
@@ -80,6 +89,7 @@ class CellwiseLimit(NamedTuple):
     ahead: Values
     sound: float = 0.0
     damped: bool = False
+    pressure: Pressure = 0.0
 
     def steps(self, peaks: Floats) -> Steps:
         """The steps that space and the angle allow; infinite where nothing moves, 0 if not finite."""
@@ -132,8 +142,10 @@ def _needed(
 
 
 @inline_kernel
-def _needed_of_cell(limit: CellwiseLimit, inverse: float, momenta: Values, drift: Values) -> Values:
-    shared = inverse, limit.sound, limit.damped
+def _needed_of_cell(
+    limit: CellwiseLimit, inverse: float, momenta: Values, drift: Values, state: Values
+) -> Values:
+    shared = inverse, limit.sound + cell_sound(limit.pressure, state), limit.damped
     found: Values = map_fields(_needed, shared, (momenta, drift, limit.damping, limit.ahead))
     return found
 
@@ -207,6 +219,7 @@ def _sizes_of_cell(
     inverse: float,
     momenta: Values,
     drift: Values,
+    state: Values,  # noqa: ARG001 (of the contract)
 ) -> Values:
     rates = map_fields(_size, (inverse,), (momenta,))
     forces = map_fields(_size, (1.0,), (drift,))

@@ -6,13 +6,15 @@
 
 Fields hold the density and the density times every other component. Steppers, sources and step limits
 ask a `System` and nothing else what there is; an equation with a further component, a temperature say,
-is a longer tuple of names and the source of that component.
+is a longer tuple of names, the source of that component, and a pressure that may depend on it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+from ellipsoid_coupling.physics.closure import Pressure
 
 DENSITY = "density"
 VELOCITIES = ("velocity_x", "velocity_y", "angular_velocity")
@@ -29,11 +31,11 @@ class System(NamedTuple):
     ----------
     components : tuple of str
         The density first. Velocities have the names in `VELOCITIES`, a carried angle is `MEAN_ANGLE`;
-        any other one is transported like these and changed by `source` only.
+        any other one comes last, is transported like these and changed by `source` only.
     axes : tuple of int
         The directions of transport: -1 (x), -2 (y) and, where the angle is an axis, -3.
-    pressure : float
-        The pressure is this times the density: 1 Maxwellian, 0 mono-kinetic.
+    pressure : float or record
+        A number times the density, 1 Maxwellian, 0 mono-kinetic; or a law of `physics.closure`.
     slaved : bool
         Velocities follow from the drift at every moment, v = F/Gamma, and are no unknowns.
     source : callable or None
@@ -42,7 +44,7 @@ class System(NamedTuple):
 
     components: tuple[str, ...]
     axes: tuple[int, ...]
-    pressure: float = 0.0
+    pressure: Pressure = 0.0
     slaved: bool = False
     source: Source | None = None
 
@@ -57,6 +59,24 @@ class System(NamedTuple):
         return tuple(k for k, name in enumerate(self.components) if name == MEAN_ANGLE)
 
     @property
+    def further(self) -> tuple[int, ...]:
+        """Which components are neither density, velocities nor an angle."""
+        known = (DENSITY, MEAN_ANGLE, *VELOCITIES)
+        return tuple(k for k, name in enumerate(self.components) if name not in known)
+
+    def place(self, name: str) -> int:
+        """Where the component called `name` stands.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if name not in self.components:
+            raise ValueError(f"no component is called {name}, but {', '.join(self.components)}")
+        return self.components.index(name)
+
+    @property
     def single_stream(self) -> bool:
         """Whether all mass in a cell moves alike and keeps to that, so that characteristics can cross."""
         return self.pressure == 0.0 and not self.slaved
@@ -68,7 +88,7 @@ def rho_system(turns: bool, slaved: bool = False) -> System:
     return System((DENSITY, *VELOCITIES[:2], *angle), (-1, -2), slaved=slaved)
 
 
-def q_system(turns: bool, resolved: bool, pressure: float) -> System:
+def q_system(turns: bool, resolved: bool, pressure: Pressure) -> System:
     """The components of the q-equations; the angle is an axis where something turns and it is resolved."""
     angle = VELOCITIES[2:] if turns else ()
     axes = (-1, -2, -3) if turns and resolved else (-1, -2)

@@ -6,7 +6,7 @@ is added by `register_model`. Both then run through `simulate` and the command l
 
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Model, Setup
 from ellipsoid_coupling.models.failure_site import FailureSite
-from ellipsoid_coupling.models.kind import LineStyle, ModelKind
+from ellipsoid_coupling.models.kind import LineStyle, ModelKind, Variable
 from ellipsoid_coupling.models.plan import model_terms, plan_terms
 from ellipsoid_coupling.models.registry import (
     build_model,
@@ -41,6 +41,7 @@ __all__ = [
     "Scheme",
     "SchemeName",
     "Setup",
+    "Variable",
     "build_model",
     "find_kind",
     "kind_named",

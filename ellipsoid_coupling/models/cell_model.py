@@ -6,12 +6,14 @@ cell and its warnings are. Which stepper steps it follows from what its `System`
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.errors import RunError
+from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.crossing import CrossingDetector
 from ellipsoid_coupling.finite_volume.diagnostics import survey_cells
@@ -44,31 +46,47 @@ from ellipsoid_coupling.stepping.step_control import (
 
 Floats = NDArray[np.float64]
 
-# By scheme, whether there is pressure, and whether velocities are slaved to the drift.
-STEPPERS: dict[tuple[SchemeName, bool, bool], type[Stepper]] = {
-    ("paper", False, False): Godunov,
-    ("paper", True, False): Godunov,
-    ("paper", False, True): OverdampedEuler,
-    ("accurate", False, False): KickDriftKick,
-    ("accurate", True, False): WellBalancedHeun,
-    ("accurate", False, True): OverdampedHeun,
+# Of each scheme's, at most one fits a system; see `Stepper.fits`.
+STEPPERS: dict[SchemeName, tuple[type[Stepper], ...]] = {
+    "paper": (Godunov, OverdampedEuler),
+    "accurate": (KickDriftKick, WellBalancedHeun, OverdampedHeun),
 }
 
 
-def stepper_of(system: System, scheme: SchemeName) -> type[Stepper]:
-    """What steps a system in a scheme."""
-    return STEPPERS[scheme, system.pressure > 0.0, system.slaved]
+def stepper_of(system: System, setup: Setup, angle_resolved: bool) -> type[Stepper]:
+    """What steps a system in a scheme, on a grid whose angle is an axis or carried.
+
+    Raises
+    ------
+    InputError
+        If the scheme has nothing for such a system.
+    """
+    fit = {
+        scheme: stepper
+        for scheme, steppers in STEPPERS.items()
+        for stepper in steppers
+        if stepper.fits(system, angle_resolved)
+    }
+    if setup.scheme not in fit:
+        raise InputError(
+            f"scene {setup.scene.name}, --scheme",
+            f"one that steps this model's equations: {', '.join(fit) or 'there is none'}",
+            repr(setup.scheme),
+            "Choose another scheme." if fit else "Choose another model.",
+        )
+    return fit[setup.scheme]
 
 
-def flux_of(system: System, setup: Setup) -> FluxMaker:
+def flux_of(system: System, setup: Setup, angle_resolved: bool) -> FluxMaker:
     """The flux that the scene names, or the scheme's own.
 
     Raises
     ------
     InputError
-        For a flux that does not exist or does not fit.
+        For a scheme that does not fit, or a flux that does not exist or does not fit.
     """
-    stepper, chosen = stepper_of(system, setup.scheme), setup.scene.numerics.flux
+    stepper = stepper_of(system, setup, angle_resolved)
+    chosen = setup.scene.numerics.flux
     where = f"scene {setup.scene.name}, key numerics.flux"
     return flux_named(chosen or stepper.flux, system.pressure, stepper.balances, where)
 
@@ -91,13 +109,33 @@ class CellModel:
         self.name = name
         self._setup = setup
         self.cells = cells
-        self.stepper = stepper_of(cells.system, setup.scheme)(cells, flux_of(cells.system, setup))
+        how = cells.system, setup, cells.grid.angle_resolved
+        self.stepper = stepper_of(*how)(cells, flux_of(*how))
         self.stepper.start()
         self.clock = new_clock(1, np.inf, CFL_LIMIT)
         self.end, self.aside = float(setup.scene.times[-1]), Aside()
         single = cells.system.single_stream
         self._crossing = CrossingDetector(cells.terms.damping) if single else None
         self._mass_start = cells.mass
+
+    @classmethod
+    def start_values(cls, setup: Setup, density: Floats) -> Mapping[str, Floats]:
+        """Further components of the system at the start, per mass, by name; what is not named is 0.
+
+        density : (na, ny, nx) float64, at the start; 0 in vacuum. Values have this shape or spread to it.
+        """
+        del setup, density
+        return {}
+
+    def per_mass(self, name: str) -> Floats:
+        """A component of the system, other than the density, over the density; 0 in vacuum.
+
+        Of the shape of a snapshot: (na, ny, nx) of a q-equation, (ny, nx) of a rho-equation.
+        """
+        return self._advected(self.cells.system.place(name))
+
+    def _advected(self, component: int) -> Floats:
+        raise NotImplementedError
 
     @property
     def grid(self) -> QGrid:
@@ -175,12 +213,13 @@ class CellModel:
         cells = self.cells
         planes = cells.fields if cells.grid.angle_resolved else cells.fields[:, 0]
         mass, least, speeds = survey_cells(planes)
-        return Health(
-            mass * cells.grid.volume, least, speeds, self._force_bounds(), left=cells.mass_left
-        )
+        # Pressure drives as well.
+        known = cells.system.pressure == 0.0
+        bounds = self._force_bounds() if known else (math.inf, math.inf)
+        return Health(mass * cells.grid.volume, least, speeds, bounds, left=cells.mass_left)
 
     def _force_bounds(self) -> tuple[float, float]:
-        """Of the drift, per mass and per inertia."""
+        """Of the drift, per mass and per inertia, where there is no pressure."""
         raise NotImplementedError
 
     def counts(self) -> Counts:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from ellipsoid_coupling.physics.closure import Pressure
 from ellipsoid_coupling.scenes import Scene
 
 Layout = Literal["particles", "rho", "q"]
@@ -36,6 +37,14 @@ def _not_summed(scene: Scene) -> str:
 _UNDECLARED = LineStyle()
 
 
+class Variable(NamedTuple):
+    """A variable of results beside those of the layout: its name, and its attributes in a result file."""
+
+    name: str
+    units: str
+    long_name: str
+
+
 @dataclass(frozen=True)
 class ModelKind:
     """One name of a model, and the properties that decide how it is run, compared and drawn.
@@ -58,10 +67,13 @@ class ModelKind:
         Noise moves the model's particles. In a closure it only damps.
     summation : callable
         (scene with interaction) -> how the model sums it, in words for `ellipsoid plan`.
-    pressure : float
-        The coefficient p of the closure; above 0 a step costs more and keeps more memory.
+    pressure : float or record
+        That of the closure, see `physics.closure`; where it is not 0, a step costs more and keeps more
+        memory.
     overdamped : bool
         Velocities follow from the forces at every moment, so everything that moves must be damped.
+    variables : tuple of Variable
+        What its snapshots hold besides the variables of the layout.
     equilibrium : bool
         The model is a state without time and fluid, so it cannot be refined against run time.
     """
@@ -74,9 +86,10 @@ class ModelKind:
     independent_realisations: bool = False
     random_motion: bool = False
     summation: Callable[[Scene], str] = _not_summed
-    pressure: float = 0.0
+    pressure: Pressure = 0.0
     overdamped: bool = False
     equilibrium: bool = False
+    variables: tuple[Variable, ...] = ()
 
     @property
     def is_grid(self) -> bool:

@@ -142,7 +142,7 @@ def _pair_needs(scene: Scene) -> list[Need]:
 
 def _grid_needs(kind: ModelKind, setup: Setup) -> list[Need]:
     scene, layout = setup.scene, kind.layout
-    stages = _STAGES[setup.scheme] if kind.pressure > 0.0 else 0
+    stages = _STAGES[setup.scheme] if kind.pressure != 0.0 else 0
     cells, keys = _cells(scene, scene.numerics.cell), "keys numerics.cell, domain, times"
     if layout == "q":
         cells *= scene.numerics.angle_cells

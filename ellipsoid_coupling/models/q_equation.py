@@ -13,8 +13,6 @@ there is no pressure, else the scheme of finite_volume/well_balanced.py.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,6 +68,8 @@ class QEquation(CellModel):
         )
         cells.inside[0] = _start(grid, scene)
         cells.look_for_mass()
+        for component, value in self.start_values(setup, cells.inside[0]).items():
+            cells.fill(component, value)
         super().__init__(name, setup, cells)
 
     @classmethod
@@ -85,7 +85,7 @@ class QEquation(CellModel):
         require_room(setup.scene, grid.plane)
         if setup.terms.angle and grid.angles > 1:
             check_angles(setup.scene.name, grid.angles)
-        flux_of(cls.system(setup), setup)
+        flux_of(cls.system(setup), setup, QGrid.angle_resolved)
 
     def snapshot(self) -> Arrays:
         """density, velocity_x, velocity_y, angular_velocity, each (na, ny, nx); 0 in vacuum."""
@@ -124,9 +124,6 @@ class QEquation(CellModel):
         return FailureSite(place, strengths)
 
     def _force_bounds(self) -> tuple[float, float]:
-        """Infinite under pressure, which drives as well."""
-        if self.cells.system.pressure > 0.0:
-            return math.inf, math.inf
         terms, forces = self.cells.terms, self.cells.forces
         steady, turning = largest_magnitude(terms.steady), 3.0 * largest_magnitude(terms.turning)
         turning += largest_outer_torque(terms.angular, self.grid.angle)
@@ -155,7 +152,10 @@ def _interaction(
     scene = setup.scene
     if scene.interaction is None:
         return None
-    quantity, strength = stepper_of(system, setup.scheme).quantity, scene.interaction.strength
+    quantity, strength = (
+        stepper_of(system, setup, grid.angle_resolved).quantity,
+        scene.interaction.strength,
+    )
     tolerance, periods = q_tolerance(scene, system.pressure), periodic_axes(scene)
     return AngleGridInteraction(
         grid.shape, grid.plane.cell, shape, strength, quantity, tolerance, periods

@@ -14,7 +14,7 @@ from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
-from ellipsoid_coupling.finite_volume.system import System, rho_system
+from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
 from ellipsoid_coupling.geometry.boundaries import scene_boundaries
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.models.base import Arrays, Setup
@@ -53,10 +53,11 @@ class RGridEquation(CellModel):
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
         )
-        density = start_density(plane, scene)
-        cells.inside[0] = density
-        for k in cells.system.carried_angle:
-            cells.inside[k] = density * self._forces.start_angle
+        cells.inside[0] = start_density(plane, scene)
+        if cells.system.carried_angle:
+            cells.fill(MEAN_ANGLE, self._forces.start_angle)
+        for component, value in self.start_values(setup, cells.inside[0]).items():
+            cells.fill(component, value)
         super().__init__(name, setup, cells)
 
     @classmethod
@@ -66,9 +67,9 @@ class RGridEquation(CellModel):
 
     @classmethod
     def require_fit(cls, setup: Setup) -> None:
-        """Raise InputError for cells or a flux that do not fit."""
+        """Raise InputError for cells, a scheme or a flux that do not fit."""
         require_room(setup.scene, scene_grid(setup.scene))
-        flux_of(cls.system(setup), setup)
+        flux_of(cls.system(setup), setup, RGrid.angle_resolved)
 
     @property
     def fields(self) -> Floats:

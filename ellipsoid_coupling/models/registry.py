@@ -45,16 +45,27 @@ def register_model(model: type[Model]) -> None:
     TypeError
         For a class that lacks members of the protocol.
     ValueError
-        For a name that another model has.
+        For a name that another model has, or a further variable that a result file cannot hold.
     """
     promised = ("kinds", *(name for name in vars(Model) if not name.startswith("_")))
     missing = sorted(name for name in promised if not hasattr(model, name))
     if missing:
         raise TypeError(f"{model.__name__} is no Model: it has no {', '.join(missing)}")
     for kind in model.kinds:
+        _require_names(kind)
         if _classes().get(kind.name, model) is not model:
             raise ValueError(f"the name {kind.name} belongs to another model")
     registered.update((kind.name, model) for kind in model.kinds)
+
+
+def _require_names(kind: ModelKind) -> None:
+    for name, units, long_name in kind.variables:
+        text = f"{units}{long_name}"
+        if not name.isidentifier() or "," in units or not text.isprintable():
+            raise ValueError(
+                f"model {kind.name}: expected a variable's name of letters, digits and _, units without "
+                f"a comma and a long name in one line, found {name!r}, {units!r}, {long_name!r}"
+            )
 
 
 def _class_named(name: str) -> type[Model]:

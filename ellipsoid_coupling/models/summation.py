@@ -13,6 +13,7 @@ from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteractio
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction
 from ellipsoid_coupling.interaction.select import choose_interaction
+from ellipsoid_coupling.physics.closure import Pressure
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 
@@ -57,17 +58,17 @@ def on_r_grid(scene: Scene) -> str:
     )
 
 
-def q_tolerance(scene: Scene, pressure: float) -> float:
+def q_tolerance(scene: Scene, pressure: Pressure) -> float:
     """The tolerance of the interaction of a density over space and angle; 0 for rounding alone.
 
     Under pressure a model has equilibria, which persist only if the interaction is exact to rounding.
     """
     numerics = scene.numerics
-    exact = pressure > 0.0 or numerics.interaction == "direct"
+    exact = pressure != 0.0 or numerics.interaction == "direct"
     return 0.0 if exact else numerics.harmonics_tolerance
 
 
-def on_q_grid(scene: Scene, pressure: float) -> str:
+def on_q_grid(scene: Scene, pressure: Pressure) -> str:
     """For a density over space and angle (transforms in space, a sum over all pairs of angles)."""
     assert scene.interaction is not None
     tolerance = q_tolerance(scene, pressure)

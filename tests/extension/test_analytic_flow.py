@@ -1,4 +1,11 @@
-"""How to add a flow by its stream function, with parameters, and use it in a scene."""
+"""How to add a flow by its stream function, u = (d psi/dy, -d psi/dx). Three steps:
+
+* a function psi(x, y, ...) of numpy arrays, whose further arguments are the flow's parameters;
+* its registration under a name;
+* a scene with ``[flow] source = "closed_form"``, that name as `field`, and numbers in [flow.parameters].
+
+All models then have it: particles evaluate a spline of psi, cells tabulate that at their centres.
+"""
 
 from __future__ import annotations
 
@@ -80,6 +87,12 @@ def test_cells_see_the_same_flow() -> None:
         ({"flow.parameters.speed": 1e200}, r"flow\.parameters\.speed"),
     ],
 )
-def test_mistakes_are_refused_in_one_line(settings: dict[str, Any], told: str) -> None:
+def test_mistakes_in_a_scene_are_refused_in_one_line(settings: dict[str, Any], told: str) -> None:
     with pytest.raises(ec.InputError, match=told):
         ec.simulate(ec.load_scene(SCENE, settings), model="microscopic")
+
+
+def test_a_name_that_is_taken_is_refused_in_one_line() -> None:
+    for name in ("vortices", "shear"):
+        with pytest.raises(ValueError, match=f"a flow {name} is registered already"):
+            register_flow(name, vortices)

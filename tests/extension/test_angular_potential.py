@@ -1,6 +1,11 @@
-"""How to add an angular potential V2(theta): a record, its value, its torque, and the torque's slope.
+"""How to add an angular potential V2(theta), in one file. Three steps:
 
-The slope serves the paper's implicit Euler step for cells, by Newton's iteration.
+* a NamedTuple with its parameters, which are the keys of ``[angular_potential]`` in a scene file;
+* its value V2, its torque -dV2/dtheta, and the torque's slope, which the paper's implicit Euler step for
+  cells needs for Newton's iteration;
+* their registration under a kind.
+
+All models then have it: particles and cells turn by the torque, `stationary_state` takes the value.
 """
 
 from __future__ import annotations
@@ -110,3 +115,40 @@ def test_its_equilibrium_is_its_boltzmann_factor() -> None:
     found = result.variables["density"][-1].sum(axis=(1, 2))
     expected = np.exp(2.0 * np.cos(3.0 * angle))
     np.testing.assert_allclose(found / found.sum(), expected / expected.sum(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, START])
+def test_the_implicit_step_of_cells_takes_it(angle: float) -> None:
+    """Scheme `paper`, whose implicit Euler step damps the swing: it ends on the way from START to 0.
+
+    At the bottom nothing swings, exactly.
+    """
+    settings = {"start.angle": angle, "numerics.time_step": 0.01, "times": [0.2]}
+    result = ec.simulate(ec.load_scene(SCENE, settings), "rho_mono_kinetic", scheme="paper")
+    found = result.variables["mean_angle"][-1][result.variables["density"][-1] > 0.0]
+    assert np.all(found <= angle)
+    assert np.all(found >= 0.0)
+    assert np.all(found < angle) or angle == 0.0
+
+
+class Mistyped(NamedTuple):
+    """A record whose registration goes wrong."""
+
+    amplitude: Positive
+
+
+def test_mistakes_are_told_in_one_line() -> None:
+    formulas: dict[str, Any] = {"energy": energy, "torque": torque, "slope": slope, "text": "V2"}
+    told = r"expected the arguments \(potential, angle\), found \(x, y, angle\)"
+    with pytest.raises(TypeError, match=told):
+        angular.register("mistyped", Mistyped, **formulas | {"energy": lambda x, y, angle: 0.0})
+    with pytest.raises(ValueError, match=r"\[angular_potential\] has a kind facets"):
+        angular.register("facets", Mistyped, **formulas)
+    for changes, told in (
+        ({"amplitude": None}, r"angular_potential\.amplitude: expected a value, found none"),
+        ({"fold": 3}, r"angular_potential\.fold: expected one of kind, amplitude, folds"),
+        ({"kind": "mistyped"}, r"angular_potential\.kind: expected .*facets'?, found 'mistyped'"),
+    ):
+        settings = {f"angular_potential.{key}": value for key, value in changes.items()}
+        with pytest.raises(ec.InputError, match=told):
+            ec.load_scene(SCENE, settings)

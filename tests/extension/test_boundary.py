@@ -1,12 +1,10 @@
-"""How to add a boundary: an inlet through which a density comes in at a speed, in one file.
-
-A boundary is three things, registered together:
+"""How to add a boundary: an inlet through which a density comes in at a speed, in one file. Three steps:
 
 * a NamedTuple with its parameters, which are the keys of ``[boundaries.SIDE]`` in a scene file;
 * a formula of what a ghost cell holds, from the cell at the edge, its mirror image, the inner normal, the
   time and the place; it is compiled into the sweeps;
 * what a particle does that reaches the side: "reflect", "leave" or "wrap"; and, where mass comes in,
-  how fast, which the first step from rest could not know.
+  how fast, which the first step from rest could not know. All are registered together.
 """
 
 from __future__ import annotations
@@ -136,3 +134,16 @@ def test_its_formula_may_follow_time() -> None:
     assert held[DENSITY] == 1.0
     assert held[ALONG] == -0.5
     assert held[2:] == (0.0, 0.7)
+
+
+class Mistyped(NamedTuple):
+    """A kind whose registration goes wrong."""
+
+    density: float
+
+
+def test_mistakes_in_a_registration_are_told_in_one_line() -> None:
+    with pytest.raises(ValueError, match="there is another kind of boundary named 'test inlet'"):
+        register_boundary("test inlet", Mistyped, inlet_ghost, "leave")
+    with pytest.raises(TypeError, match=r"arguments \(kind, edge, .*\), found \(kind, edge\)"):
+        register_boundary("mistyped", Mistyped, lambda kind, edge: edge, "leave")

@@ -2,9 +2,12 @@
 
     dr/dt = u(r)      dtheta/dt = 0
 
-A model is a class with the members of `ellipsoid_coupling.models.Model`. It declares its properties in
-`kinds`, is built from a `Setup` (scene, terms, scheme, flow, seed, realisations), and is stepped by the one
-time loop of `simulate`, which also writes its checkpoints, checks its health and makes its result.
+Two steps:
+
+* a class with the members of `ellipsoid_coupling.models.Model`. It declares its properties in `kinds`, is
+  built from a `Setup` (scene, terms, scheme, flow, seed, realisations), and is stepped by the one time loop
+  of `simulate`, which also writes its checkpoints, checks its health and makes its result;
+* its registration. An equation on cells is shorter: see `test_closure.py`.
 """
 
 from __future__ import annotations

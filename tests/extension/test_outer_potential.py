@@ -1,4 +1,8 @@
-"""How to add an outer potential V1(r): a record of its numbers, its value, and minus its gradient.
+"""How to add an outer potential V1(r), in one file. Three steps:
+
+* a NamedTuple with its parameters, which are the keys of ``[outer_potential]`` in a scene file;
+* its value V1 and its force -grad V1;
+* their registration under a kind.
 
 All models then have it: particles evaluate the force in their loop, cells at their centres, and
 `stationary_state` takes the value.
@@ -96,3 +100,18 @@ def test_plan_shows_its_formula_and_mistakes_are_refused_in_one_line() -> None:
         ec.InputError, match=r"outer_potential\.kind: expected .*'quartic', found 'qu"
     ):
         ec.load_scene(SCENE, {"outer_potential.kind": "quintic"})
+
+
+class Mistyped(NamedTuple):
+    """A record whose registration goes wrong."""
+
+    strength: Positive
+
+
+def test_mistakes_in_a_registration_are_told_in_one_line() -> None:
+    formulas: dict[str, Any] = {"energy": energy, "force": force, "text": "V1"}
+    told = r"expected the arguments \(potential, x, y\), found \(r\)"
+    with pytest.raises(TypeError, match=told):
+        outer.register("mistyped", Mistyped, **formulas | {"energy": lambda r: 0.0})
+    with pytest.raises(ValueError, match=r"\[outer_potential\] has a kind quartic"):
+        outer.register("quartic", Mistyped, **formulas)

@@ -1,4 +1,9 @@
-"""How to add a scene: a TOML file, or a table of the same sections, changed key by key."""
+"""How to add a scene: a TOML file, or a table of the same sections. Three steps:
+
+* the table, whose sections are those of scene files; what it does not name is not computed;
+* `load_scene`, which checks it and changes single keys;
+* `simulate`, or the command line with the file's name.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.grid import Grid, interior
+from ellipsoid_coupling.finite_volume.implicit_turn import turn_implicitly
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
 from ellipsoid_coupling.finite_volume.sources import (
     Cells,
@@ -16,7 +17,6 @@ from ellipsoid_coupling.finite_volume.sources import (
     exact_kick,
     implicit_kick,
     treat,
-    turn_implicitly,
 )
 from ellipsoid_coupling.finite_volume.step_limits import ExtremesLimit, extremes_of
 from ellipsoid_coupling.interaction.grid_forces import Forces

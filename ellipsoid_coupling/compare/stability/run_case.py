@@ -106,7 +106,7 @@ def examine(case: Case, model: str, schemes: tuple[SchemeName, ...]) -> list[Map
         reference, words = None, ""
     else:
         finer, words = _finer(case, model)
-        share = REFERENCE_OF_PRESSURE if kind.pressure > 0.0 else 1.0
+        share = REFERENCE_OF_PRESSURE if kind.pressure != 0.0 else 1.0
         seed = 1 if "realisations" in words else 0
         reference = run_case(case, model, ADAPTIVE_SCHEME, finer, seed=seed, share=share)
     entries = [_entry(case, model, s, runs[s], reference, words) for s in schemes]

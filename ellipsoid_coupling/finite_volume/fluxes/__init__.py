@@ -3,7 +3,8 @@
 A flux is a NamedTuple (its parameters) and a formula of a cell and its neighbours, registered for that
 type (`contract.py`): numba then compiles the sweep with that formula inlined, and caches it. To add one,
 copy `force.py` (given at faces) or `ballistic.py` (given for cells) and give it a name that scenes can
-choose it by (`registry.py`).
+choose it by (`registry.py`); or register it from outside of the package, as
+tests/extension/test_flux.py does.
 """
 
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import Ballistic

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeVar
 
 from ellipsoid_coupling.compiled.algebra import Values, sub
-from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
+from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula, require_arguments
 
 # Component 0 of every system is the density; to a flux, component 1 is the momentum along the sweep.
 DENSITY, ALONG = 0, 1
@@ -61,6 +61,8 @@ class Stencil(NamedTuple):
     stride: int
 
 
+# Of a flux's formula.
+_ARGUMENTS = "flux", "stencil", "ratio"
 Kept = TypeVar("Kept")
 CellFlux = Callable[..., tuple[Values, Values]]
 FaceFlux = Callable[..., Values]
@@ -103,8 +105,9 @@ def register_flux(flux_type: type[Flux], outflow: CellFlux) -> None:
     outflow : an inline kernel, (flux, stencil, ratio) -> (up, down), what leaves `here` through its
     upper and its lower face, (K,) each.
 
-    Raises ValueError for a type that has a flux already.
+    Raises ValueError for a type that has a flux already, TypeError for other arguments.
     """
+    require_arguments(outflow, _ARGUMENTS)
 
     def through(flux: Flux, stencil: Stencil, up: Values, ratio: float) -> tuple[Values, Values]:
         leaving, down = outflow(flux, stencil, ratio)
@@ -120,8 +123,9 @@ def register_face_flux(flux_type: type[Flux], face_flux: FaceFlux) -> None:
     face_flux : an inline kernel, (flux, stencil, ratio) -> (K,), of the face between `below` and
     `here`; it does not look at `above`.
 
-    Raises ValueError for a type that has a flux already.
+    Raises ValueError for a type that has a flux already, TypeError for other arguments.
     """
+    require_arguments(face_flux, _ARGUMENTS)
 
     def through(flux: Flux, stencil: Stencil, up: Values, ratio: float) -> tuple[Values, Values]:
         return face_flux(flux, stencil, ratio), up

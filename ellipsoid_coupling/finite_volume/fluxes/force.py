@@ -4,13 +4,18 @@
     F_LF    = (F(U_L) + F(U_R))/2 - h/(2 dt) (U_R - U_L)
     F_R     = F(U*),   U* = (U_L + U_R)/2 - dt/(2 h) (F(U_R) - F(U_L))
 
-with the physical flux of physics/closure.py. Where a velocity carries all of a flux, F(U) = v U,
+with the physical flux of physics/closure.py and its pressure P(U). Where a velocity carries all of a
+flux, F(U) = v U,
 
     dt/h F_FORCE = w_L U_L + w_R U_R       c = dt/(2 h)
     w_L =  1/4 + c v_L/2 + c v* (1/2 + c v_L)
     w_R = -1/4 + c v_R/2 + c v* (1/2 - c v_R)
 
-alike for all fields; pressure adds to the momentum along the direction only. Stable for a CFL number
+alike for all fields; pressure adds to the momentum along the direction only,
+
+    dt/(2 h) ((P_L + P_R)/2 + P(U*) - v* (P_R - P_L))
+
+Stable for a CFL number
 up to 1; the density stays positive there.
 """
 
@@ -18,7 +23,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ellipsoid_coupling.compiled.algebra import Values, fused_axpy, scale
+from ellipsoid_coupling.compiled.algebra import Values, add, fused_axpy, scale, sub
 from ellipsoid_coupling.compiled.intrinsics import fma
 from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.finite_volume.fluxes.contract import (
@@ -28,14 +33,15 @@ from ellipsoid_coupling.finite_volume.fluxes.contract import (
     Stencil,
     register_face_flux,
 )
+from ellipsoid_coupling.physics.closure import Pressure, cell_pressure
 
 ORDER = 1
 
 
 class Force(NamedTuple):
-    """FORCE for the closure with this pressure coefficient."""
+    """FORCE for the closure with this pressure."""
 
-    pressure: float
+    pressure: Pressure
     vacuum: float = VACUUM
 
 
@@ -46,19 +52,23 @@ def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     rho_l, rho_r = left[DENSITY], right[DENSITY]
     m_l, m_r = left[ALONG], right[ALONG]
     v_l, v_r = m_l * stencil.inverse[0], m_r * stencil.inverse[1]
+    push_l, push_r = cell_pressure(flux.pressure, left), cell_pressure(flux.pressure, right)
     middle_density = 0.5 * (rho_l + rho_r) - half * (m_r - m_l)
-    rise = m_r * v_r - m_l * v_l + flux.pressure * (rho_r - rho_l)
+    rise = m_r * v_r - m_l * v_l + (push_r - push_l)
     middle_momentum = 0.5 * (m_l + m_r) - half * rise
     # Beside vacuum U* may be empty; it has no velocity then.
     middle_v = half * middle_momentum / middle_density if middle_density > flux.vacuum else 0.0
+    # U* of all else is there for pressures that ask for it.
+    rises = sub(scale(v_r, right[2:]), scale(v_l, left[2:]))
+    means = scale(0.5, add(left[2:], right[2:]))
+    middle = (middle_density, middle_momentum, *sub(means, scale(half, rises)))
     part_l, part_r = half * v_l, half * v_r
     weight_l = fma(middle_v, 0.5 + part_l, fma(0.5, part_l, 0.25))
     weight_r = fma(middle_v, 0.5 - part_r, fma(0.5, part_r, -0.25))
     # Alike for all components: w_L U_L + w_R U_R.
     advected = fused_axpy(weight_l, left, scale(weight_r, right))
-    pressure_part = (half * flux.pressure) * (
-        0.5 * (rho_l + rho_r) + middle_density - middle_v * (rho_r - rho_l)
-    )
+    mean_push = 0.5 * (push_l + push_r) + cell_pressure(flux.pressure, middle)
+    pressure_part = half * (mean_push - middle_v * (push_r - push_l))
     return (advected[DENSITY], advected[ALONG] + pressure_part, *advected[2:])
 
 

@@ -19,6 +19,7 @@ from ellipsoid_coupling.finite_volume.fluxes.ballistic import Ballistic
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.fluxes.force import Force
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import Kinetic
+from ellipsoid_coupling.physics.closure import Pressure
 
 Floats = NDArray[np.float64]
 
@@ -28,8 +29,8 @@ class Transported(NamedTuple):
 
     Attributes
     ----------
-    pressure : float
-        The closure's, see `system.System`.
+    pressure : float or record
+        The closure's, see `physics.closure`.
     bends : (K,) float
         Up to which bend an extremum is smooth, in the flux's order: of the density (relative), of the
         velocity along the axis, and of whatever else is carried; see `ballistic.py`.
@@ -41,7 +42,7 @@ class Transported(NamedTuple):
         For fluxes that balance forces: e^{g/2} of the work g from each cell's centre to the next one's.
     """
 
-    pressure: float
+    pressure: Pressure
     bends: Values
     smooth: float
     vacuum: float
@@ -89,12 +90,12 @@ def flux_names() -> list[str]:
     return sorted(_fluxes)
 
 
-def flux_named(name: str, pressure: float, balanced: bool, where: str) -> FluxMaker:
+def flux_named(name: str, pressure: Pressure, balanced: bool, where: str) -> FluxMaker:
     """What makes the flux called `name`.
 
     Parameters
     ----------
-    pressure : float
+    pressure : float or record
         The closure's.
     balanced : bool
         Whether the scheme gives the forces' work to the flux.

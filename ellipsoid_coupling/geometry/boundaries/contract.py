@@ -92,14 +92,17 @@ def register_boundary(
     ------
     ValueError
         If the name or the type is registered already.
+    TypeError
+        If the formula takes another number of arguments.
     """
     fields: Any = kind
     optional = tuple(fields._field_defaults)
     required = tuple(field for field in fields._fields if field not in optional)
     if name in _TYPES:
         raise ValueError(f"there is another kind of boundary named {name!r}")
-    declare_kind(name, KindKeys(particles, inflow is not None, required, optional))
+    # The kind last: where the formula is refused, scenes do not know it.
     register_formula(ghost, kind, formula)
+    declare_kind(name, KindKeys(particles, inflow is not None, required, optional))
     _TYPES[name], _PARTICLES[kind] = kind, particles
     if inflow is not None:
         _INFLOWS[kind] = inflow

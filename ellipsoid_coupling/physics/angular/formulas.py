@@ -74,8 +74,11 @@ def register(
     ------
     ValueError
         For a kind or record that is registered already.
+    TypeError
+        For a formula with another number of arguments.
     """
-    ANGULAR_POTENTIALS.register(kind, record, text)
+    # The kind last: where a formula is refused, scenes do not know it.
     register_formula(angular_energy, record, energy)
     register_formula(outer_torque, record, torque)
     register_formula(outer_torque_slope, record, slope)
+    ANGULAR_POTENTIALS.register(kind, record, text)

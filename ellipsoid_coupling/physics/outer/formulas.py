@@ -71,7 +71,10 @@ def register(
     ------
     ValueError
         For a kind or record that is registered already.
+    TypeError
+        For a formula with another number of arguments.
     """
-    OUTER_POTENTIALS.register(kind, record, text)
+    # The kind last: where a formula is refused, scenes do not know it.
     register_formula(outer_energy, record, energy)
     register_formula(outer_force, record, force)
+    OUTER_POTENTIALS.register(kind, record, text)

@@ -18,47 +18,47 @@ the state at rest is q = exp(-V1 - V2 - U * q)/Z on the very cells.
 
 In time, Heun's method, with the damping integrated exactly (Cox and Matthews' ETD2RK for m), which
 keeps the drift m = R/Gamma of strong damping. The potential U * q is that of the density half a
-step ahead, q - dt/2 div m. Directions change order from step to step.
+step ahead, q - dt/2 div m. Directions change order from step to step. The source and both stages of a
+step are kernels of `well_balanced_stages.py`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.algebra import Values, add, scale, select
-from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kernel
-from ellipsoid_coupling.compiled.loops import over_row
-from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
-from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY, in_order
-from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits, face_factor
-from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
+from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     WORK_AT,
     WRAPS,
     set_ahead,
     set_work,
 )
-from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Extents, Q
+from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Q
 from ellipsoid_coupling.finite_volume.sources import (
     Work,
     acceleration,
     dampings,
-    exact_gain,
     exact_kick,
     treat,
 )
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
+from ellipsoid_coupling.finite_volume.well_balanced_stages import (
+    Stage,
+    combine,
+    exponential_weights,
+    push,
+)
 from ellipsoid_coupling.geometry.boundaries import at_side
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity
 from ellipsoid_coupling.interaction.q_grid import AngleForces
@@ -208,23 +208,23 @@ class WellBalancedHeun:
         set_work(self._steady[-1 - axis], potential, axis, self._ends(axis), weights, work)
         flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
         rate = system.terms.angular_damping if axis == -3 else system.terms.damping
-        stage = _Stage(dt / system.grid.width(axis), *_exponential_weights(rate, dt))
+        stage = Stage(dt / system.grid.width(axis), *exponential_weights(rate, dt))
         normal = NORMAL[axis]
         stride = math.prod(system.grid.padded[3 + axis + 1 :])
         before_stages = system.outflow.copy()
         system.transport(flux, axis, dt)
         source = work, Limits(system.smooth_part(axis), system.vacuum)
-        _push(system.fields, before, system.extents, *source, (normal, stride), stage)
+        push(system.fields, before, system.extents, *source, (normal, stride), stage)
         self._fill(axis)
         # The second stage's source needs density and momentum as the first stage has left them,
         # ghosts included.
         _copy(system.fields, middle, (Q, normal))
         system.transport(flux, axis, dt)
-        # Both stages' transports count half, here as in `_combine`.
+        # Both stages' transports count half, here as in `combine`.
         system.outflow[:] = 0.5 * (before_stages + system.outflow)
         components = in_order(system.fields.shape[0], normal)
         states = system.fields, before, middle
-        _combine(states, system.extents, *source, components, stride, stage)
+        combine(states, system.extents, *source, components, stride, stage)
 
 
 def _copy(source: Floats, target: Floats, which: tuple[int, ...] | None = None) -> None:
@@ -272,157 +272,3 @@ def balanced_torque(angular: Record, angles: Floats) -> Floats:
     raised = np.tan(halves) * (2 * np.arange(halves.size) < number)
     torque = np.fft.irfft(-1j * number / np.pi * raised * np.fft.rfft(energy), number)
     return np.asarray(torque, np.float64)
-
-
-def _exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
-    """exp(-z), phi_1 and phi_2 at z = rate dt; 1, 1 and 1/2 at 0."""
-    z = rate * dt
-    first = exact_gain(rate, dt) / dt
-    # The quotient loses digits for small z, where two terms of the series are exact to 1e-9.
-    second = (1.0 - first) / z if z > 1e-4 else 0.5 - z / 6.0
-    return math.exp(-z), first, second
-
-
-@inline_kernel
-def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
-    """H S of a cell.
-
-    density : of its lower neighbour, its own, its upper neighbour's; up, down : tilt and rest of the
-    work to the upper one and from the lower one.
-    """
-    # Ratios of the equilibrium's densities: upper face to centre, lower face to centre.
-    rise, fall = up[0], 1.0 / down[0]
-    factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
-    # Simpson's rule for the mean density of the profile over that of the equilibrium: c(s)/c(g).
-    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
-    # Both faces' pressures, and the rest of the work, which acts as a plain force.
-    push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
-    return push * density[1]
-
-
-class _Forced(NamedTuple):
-    """What the source of a run of cells follows from, rows; see `_source`."""
-
-    density: Rows
-    up: Rows
-    down: Rows
-    limits: Limits
-
-
-@inline_kernel
-def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> _Forced:
-    """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
-    own = rows_at(q, (0,), start)
-    around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
-    return _Forced(
-        around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), limits
-    )
-
-
-@inline_kernel
-def _source_at(forced: _Forced, i: int) -> float:
-    return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.limits)
-
-
-class _Stage(NamedTuple):
-    """What both stages of a step share: dt/h, and exp(-z), phi_1, phi_2 of `_exponential_weights`."""
-
-    ratio: float
-    decay: float
-    first: float
-    second: float
-
-
-@inline_kernel
-def _push_cell(i: int, forced: _Forced, before: Rows, moved: Rows, stage: _Stage) -> None:
-    m, now = load(before, i)[0], load(moved, i)[0]
-    push = now - m + stage.ratio * _source_at(forced, i)
-    store(moved, i, (stage.decay * m + stage.first * push,))
-
-
-@kernel(noalias=True)
-def _push_row(forced: _Forced, before: Rows, moved: Rows, width: int, stage: _Stage) -> None:
-    over_row(width, _push_cell, (forced, before, moved, stage))
-
-
-@inline_kernel
-def _run(extents: Extents, task: int, padded: tuple[int, int]) -> tuple[int, int]:
-    """Where the run of a row, counted through all angles, begins in flat fields, and its width."""
-    rows = extents.shape[1]
-    a, j = task // rows, task % rows
-    row = ((a + GHOSTS) * padded[0] + j + GHOSTS) * padded[1] + GHOSTS
-    return row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
-
-
-@parallel_kernel
-def _push(
-    fields: Floats,
-    before: Floats,
-    extents: Extents,
-    work: Floats,
-    limits: Limits,
-    line: tuple[int, int],
-    stage: _Stage,
-) -> None:
-    """The first stage's momentum, m1 = e^-z m + phi_1 dt R, from what transport made of m.
-
-    line : the component of the momentum, and the distance of neighbours in flat fields.
-    """
-    normal, stride = line
-    padded = fields.shape[2], fields.shape[3]
-    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
-    for task in numba.prange(extents.shape[0] * extents.shape[1]):
-        start, width = _run(extents, task, padded)
-        forced = _forced(old, work, start, stride, limits)
-        m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
-        _push_row(forced, m, moved, width, stage)
-
-
-@inline_kernel
-def _combine_cell(
-    i: int, forced: _Forced, first_stage: Rows, old: Rows, new: Rows, stage: _Stage
-) -> None:
-    before, after, m1 = load(old, i), load(new, i), load(first_stage, i)[0]
-    # dt (R1 - R0): R1 from the second transport, R0 from what the first stage made of it.
-    change = after[ALONG] - m1 + stage.ratio * _source_at(forced, i)
-    change -= (m1 - stage.decay * before[ALONG]) / stage.first
-    means = scale(0.5, add(before, after))
-    # A mean of mass and vacuum never gets to 0 by itself, and its velocity is made of rounding.
-    empty = means[DENSITY] <= forced.limits.vacuum
-    new_cell = (means[DENSITY], m1 + stage.second * change, *means[2:])
-    store(new, i, select(empty, 0.0, new_cell))
-
-
-@kernel(noalias=True)
-def _combine_row(
-    forced: _Forced, first_stage: Rows, old: Rows, new: Rows, width: int, stage: _Stage
-) -> None:
-    over_row(width, _combine_cell, (forced, first_stage, old, new, stage))
-
-
-@parallel_kernel
-def _combine(
-    states: tuple[Floats, Floats, Floats],
-    extents: Extents,
-    work: Floats,
-    limits: Limits,
-    components: tuple[int, ...],
-    stride: int,
-    stage: _Stage,
-) -> None:
-    """The second stage: the mean of old and twice stepped, and m = m1 + phi_2 dt (R1 - R0).
-
-    states : the fields, which are overwritten; those before the step; density and momentum after the
-    first stage.
-    components : density, momentum along the direction, and the others.
-    """
-    fields, before, middle = states
-    padded = fields.shape[2], fields.shape[3]
-    old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
-    half = middle.reshape(2, -1)
-    for task in numba.prange(extents.shape[0] * extents.shape[1]):
-        start, width = _run(extents, task, padded)
-        forced = _forced(half, work, start, stride, limits)
-        m1 = rows_at(half, (1,), start)
-        olds, news = rows_at(old, components, start), rows_at(new, components, start)
-        _combine_row(forced, m1, olds, news, width, stage)

@@ -30,7 +30,6 @@ _tuple_of: Any = types.BaseTuple.from_types
 _points_to: Any = types.CPointer
 
 
-
 @dataclass(frozen=True, slots=True)
 class Row:
     """An address in Python: element `first` of the memory of an array, and all others from there.

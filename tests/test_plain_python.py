@@ -1,0 +1,32 @@
+"""The package without its compiler: plain twins are right, and coverage sees the lines of kernels."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.small_runs import small_variables
+
+# Fused multiply-adds round once in kernels and twice in Python.
+ROUNDING = 1e-12
+
+
+@pytest.mark.plain
+def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path) -> None:
+    """Every model and scheme, with noise or with walls, to ROUNDING of the largest value."""
+    file = tmp_path / "plain.npz"
+    command = [sys.executable, "-m", "tests.small_runs", str(file)]
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    top = Path(__file__).parents[1]
+    subprocess.run(command, cwd=top, env=environment, check=True, timeout=600.0)
+    compiled = small_variables()
+    with np.load(file) as plain:
+        assert set(plain) == set(compiled)
+        for name, values in compiled.items():
+            bound = ROUNDING * np.abs(values).max()
+            np.testing.assert_allclose(plain[name], values, rtol=0.0, atol=bound, err_msg=name)

@@ -12,13 +12,14 @@ import pytest
 
 from tests.small_runs import small_variables
 
-# Fused multiply-adds round once in kernels and twice in Python.
-ROUNDING = 1e-12
+# Of the largest value. Sums go in another order and fused multiply-adds round once in kernels, twice in
+# Python: up to 5e-16 after these short runs, in which nothing has time to multiply it.
+ROUNDING = 1e-14
 
 
 @pytest.mark.plain
 def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path) -> None:
-    """Every model and scheme, with noise or with walls, to ROUNDING of the largest value."""
+    """Every model and scheme, in a trap with noise or with fluid and walls, to rounding."""
     file = tmp_path / "plain.npz"
     command = [sys.executable, "-m", "tests.small_runs", str(file)]
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}

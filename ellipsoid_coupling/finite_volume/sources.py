@@ -363,20 +363,20 @@ def turn_implicitly(cells: Cells, terms: CellTerms, gain: float, dt: float) -> N
 
         phi1 = phi + dt omega1,  omega1 = omega + gain (R(phi1) - R(phi))
 
-    omega is what the kick made of the drift at the old angle. R are the torques that are known as
-    functions of the angle, those of fluid and V2; the torque of the interaction is that of the old one.
-
-    gain : of omega, that of the kick
+    omega is what the kick, whose gain this is, made of the drift at the old angle. R are the torques that
+    are known as functions of the angle, those of fluid and V2; the interaction's is that of the old one.
     """
     fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
     rows, columns = cells.drift.shape[2:]
+    packed = pack(terms)
     for j in numba.prange(rows):
+        known = unpack(packed)
         for i in range(columns):
             p, q = j + GHOSTS, i + GHOSTS
             rho = fields[0, 0, p, q]
             if rho > 0.0:
                 phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
-                new = _implicit_spin(phi, omega, terms, (j, i), (gain, dt))
+                new = _implicit_spin(phi, omega, known, (j, i), (gain, dt))
                 fields[spin, 0, p, q] = rho * new
                 fields[angle, 0, p, q] += dt * rho * new
 

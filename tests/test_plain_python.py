@@ -14,7 +14,10 @@ from tests.small_runs import small_variables
 
 # Of the largest value. Sums go in another order and fused multiply-adds round once in kernels, twice in
 # Python: up to 5e-16 after these short runs, in which nothing has time to multiply it.
-ROUNDING = 1e-14
+DOUBLE = 1e-14
+# The interaction of grids without pressure is summed in single precision: up to 7e-9.
+SINGLE = 5e-8
+IN_SINGLE = ("q_mono_kinetic", "rho_mono_kinetic", "diffusive")
 
 
 @pytest.mark.plain
@@ -29,5 +32,6 @@ def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path) -> None:
     with np.load(file) as plain:
         assert set(plain) == set(compiled)
         for name, values in compiled.items():
-            bound = ROUNDING * np.abs(values).max()
+            rounding = SINGLE if name.startswith(IN_SINGLE) else DOUBLE
+            bound = rounding * np.abs(values).max()
             np.testing.assert_allclose(plain[name], values, rtol=0.0, atol=bound, err_msg=name)

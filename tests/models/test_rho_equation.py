@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -102,32 +101,6 @@ def test_order_in_space_and_time(scheme: str, order: int, rotation_flow: FlowFie
         miss = interior(model.fields)[0] - exact_smooth_density(x, y, 0.5)
         errors.append(np.abs(miss).sum() * cell**2)
     assert math.log2(errors[1] / errors[2]) == pytest.approx(order, abs=0.3)
-
-
-def with_all_terms(scheme: str, cells: int) -> Floats:
-    """Fields after t = 0.3 with interaction, torques, V1, V2 and damping, of smooth data."""
-    settings = {"numerics.cell": 12.0 / cells, "numerics.cfl": 0.3, "noise.noise": 2.0}
-    settings |= {"interaction.strength": 3.0, "numerics.harmonics_tolerance": 1e-4}
-    model = model_of(load_scene("stationary", settings), None, scheme)
-    x, y = np.meshgrid(model.grid.plane.x, model.grid.plane.y)
-    rho = np.exp(-((x - 0.2) ** 2 + (y + 0.1) ** 2) / 4.5) / (4.5 * math.pi)
-    parts: list[Any] = [1.0, -0.3 * x, 0.3 * y, 0.4 + 0.2 * np.sin(x), 0.3 * np.cos(y)]
-    interior(model.fields)[:] = [rho * part for part in parts]
-    model.restore(model.state())
-    return interior(run(model, 0.3).fields).copy()
-
-
-@pytest.mark.parametrize(("scheme", "order"), [("paper", 1), ("accurate", 2)])
-def test_order_with_all_terms(scheme: str, order: int) -> None:
-    """By three grids, each compared with the next finer one: of all fields, the angle's among them."""
-    solutions = [with_all_terms(scheme, cells) for cells in (24, 48, 96)]
-    errors = []
-    for coarse, fine in itertools.pairwise(solutions):
-        k, ny, nx = coarse.shape
-        means = fine.reshape(k, ny, 2, nx, 2).mean(axis=(2, 4))
-        errors.append(np.abs(coarse - means).sum(axis=(1, 2)))
-    orders = np.log2(errors[0] / errors[1])
-    np.testing.assert_allclose(orders, order, atol=0.3)
 
 
 @BOTH

@@ -13,11 +13,10 @@ import pytest
 from tests.small_runs import small_variables
 
 # Of the largest value. Sums go in another order and fused multiply-adds round once in kernels, twice in
-# Python: up to 5e-16 after these short runs, in which nothing has time to multiply it.
-DOUBLE = 1e-14
-# The interaction of grids without pressure is summed in single precision: up to 7e-9.
-SINGLE = 5e-8
-IN_SINGLE = ("q_mono_kinetic", "rho_mono_kinetic", "diffusive")
+# Python: measured up to 5e-16 after these short runs, in which little has time to multiply it.
+ROUNDING = 1e-14
+# Measured 7e-9, of forces in single precision, and 2e-11, in the mean angle of cells with hardly any mass.
+MORE = {"q_mono_kinetic paper": 5e-8, "diffusive accurate": 1e-10}
 
 
 @pytest.mark.plain
@@ -32,6 +31,6 @@ def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path) -> None:
     with np.load(file) as plain:
         assert set(plain) == set(compiled)
         for name, values in compiled.items():
-            rounding = SINGLE if name.startswith(IN_SINGLE) else DOUBLE
+            rounding = MORE.get(" ".join(name.split()[:2]), ROUNDING)
             bound = rounding * np.abs(values).max()
             np.testing.assert_allclose(plain[name], values, rtol=0.0, atol=bound, err_msg=name)

@@ -10,6 +10,25 @@ import pytest
 
 from ellipsoid_coupling.flow import FlowField, analytic_flow
 
+# Files that take a minute or more of two quiet cores, longest first: with several workers the others fill
+# what is left. The first one compiles most of the kernels that later ones load from the cache.
+LONG_FILES = [
+    "test_same_bits.py",
+    "test_workflows.py",
+    "test_stability.py",
+    "test_resume.py",
+    "test_extreme_units.py",
+    "test_diffusive.py",
+    "test_bad_input.py",
+    "test_kernels.py",
+]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, the others as they were."""
+    place = {name: k for k, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: place.get(item.path.name, len(place)))
+
 
 @pytest.fixture(scope="session")
 def stagnation_flow() -> FlowField:

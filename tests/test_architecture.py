@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,8 @@ ONLY_IN = {
 OF_NUMBA = {"prange", "get_num_threads", "set_num_threads"}
 # Modules that stand beside the packages: the story, and how it is told.
 LOOSE = 8
+# Lines of a file; lines of a function without its docstring, comments and empty lines; its arguments.
+LONGEST_FILE, LONGEST_FUNCTION, MOST_ARGUMENTS = 400, 50, 8
 # Names of models, closures and schemes, and the files that may say them besides models/: registries of
 # closures and of the particles' schemes, the default of a scene file, and `walls.ghost_density`, whose kind
 # "paper" is no scheme.
@@ -63,9 +66,14 @@ MAY_NAME: dict[str, set[str]] = {
 GPL = {"foamlib", "fluidfoam", "PyFoam"}
 
 
+@cache
+def parsed(source: Path) -> ast.Module:
+    return ast.parse(source.read_text())
+
+
 def imported(source: Path) -> Iterator[str]:
     """The modules that a file imports; of ``from package import module``, the module."""
-    for node in ast.walk(ast.parse(source.read_text())):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -107,7 +115,7 @@ def test_only_the_engine_room_knows_the_compiler(source: Path) -> None:
     """Kernels are made by `compiled.jit`, formulas are chosen by `compiled.dispatch`."""
     if relative(source).startswith("compiled/"):
         return
-    tree = ast.parse(source.read_text())
+    tree = parsed(source)
     assert not [m for m in imported(source) if m.startswith("numba.")]
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module == "numba":
@@ -121,7 +129,7 @@ def test_nothing_that_is_read_can_run_code(source: Path) -> None:
     """No pickle, no evaluated text; numpy's own reader, which can unpickle, is not used at all."""
     tops = {module.split(".")[0] for module in imported(source)}
     assert not tops & {"pickle", "marshal", "shelve", "dill", "joblib", "cloudpickle", "yaml"}
-    for node in ast.walk(ast.parse(source.read_text())):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             assert called not in ("eval", "exec", "compile", "__import__", "np.load", "np.fromfile")
@@ -133,9 +141,31 @@ def test_few_modules_stand_beside_the_packages() -> None:
     assert len(list(PACKAGE.glob("*.py"))) <= LOOSE
 
 
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_files_and_functions_are_short(source: Path) -> None:
+    lines = source.read_text().splitlines()
+    assert len(lines) <= LONGEST_FILE
+    for node in ast.walk(parsed(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            assert code_lines(node, lines) <= LONGEST_FUNCTION, node.name
+            taken = node.args
+            arguments = taken.posonlyargs + taken.args + taken.kwonlyargs
+            assert len(arguments) <= MOST_ARGUMENTS, node.name
+
+
+def code_lines(function: ast.FunctionDef | ast.AsyncFunctionDef, lines: list[str]) -> int:
+    first, end = function.lineno, function.end_lineno or function.lineno
+    told: range = range(0)
+    if ast.get_docstring(function) is not None:
+        text = function.body[0]
+        told = range(text.lineno, (text.end_lineno or text.lineno) + 1)
+    kept = [lines[k - 1].strip() for k in range(first, end + 1) if k not in told]
+    return sum(bool(line) and not line.startswith("#") for line in kept)
+
+
 def is_model(source: Path) -> bool:
     """Whether a file of models/ names its class `MODEL`."""
-    assigned = [node for node in ast.parse(source.read_text()).body if isinstance(node, ast.Assign)]
+    assigned = [node for node in parsed(source).body if isinstance(node, ast.Assign)]
     return any(
         isinstance(t, ast.Name) and t.id == "MODEL" for node in assigned for t in node.targets
     )
@@ -155,9 +185,7 @@ def test_nobody_asks_for_the_name_of_a_model_or_scheme(source: Path) -> None:
     """Models and schemes declare properties (`ModelKind`, `Scheme`); their names stand in models/."""
     if relative(source).startswith("models/"):
         return
-    constants = (
-        node for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.Constant)
-    )
+    constants = (node for node in ast.walk(parsed(source)) if isinstance(node, ast.Constant))
     named = {c.value for c in constants if isinstance(c.value, str)} & MODEL_AND_SCHEME_NAMES
     assert named <= MAY_NAME.get(relative(source), set())
 
@@ -172,7 +200,7 @@ def test_scenes_import_none_of_the_package_but_how_to_read() -> None:
 @pytest.mark.parametrize("source", SOURCES, ids=relative)
 def test_kernels_that_count_no_references_return_no_array(source: Path) -> None:
     """Their callers would believe the array counted: see `jit.kernel`."""
-    for node in ast.walk(ast.parse(source.read_text())):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.FunctionDef):
             kinds = {ast.unparse(decorator) for decorator in node.decorator_list}
             if "kernel(noalias=True)" in kinds:

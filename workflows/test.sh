@@ -10,7 +10,8 @@ command -v chromium >/dev/null || install_system chromium || say "chromium is no
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy
-# Everything: a worker a core, up to four. Some tests alone (benchmarks, say): one.
+# Everything: a worker a core, up to four; files in the order of tests/conftest.py, long ones first.
+# Some tests alone (benchmarks, say): one.
 workers=$(nproc)
 [ $# -gt 0 ] && workers=0
-exec .venv/bin/python -m pytest -n "$((workers > 4 ? 4 : workers))" --dist loadfile "$@"
+exec .venv/bin/python -m pytest -n "$((workers > 4 ? 4 : workers))" --dist loadfile --no-loadscope-reorder "$@"

@@ -2,13 +2,15 @@
 
 A loop that treats all fields of a cell at once touches each number once; one loop a field would read
 again what the loop before has written. The number of fields is the length of a tuple, known when the loop
-is compiled. Kernels see addresses, without reference counts and without bounds checks; Python sees views.
+is compiled. Kernels see addresses, without reference counts and without bounds checks; Python sees the
+same places as `Row`, with bounds checks.
 `algebra.py` has the arithmetic of such tuples, `loops.py` the loops.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,25 +29,51 @@ _is_tuple: Any = types.BaseTuple
 _tuple_of: Any = types.BaseTuple.from_types
 _points_to: Any = types.CPointer
 
-Floats = NDArray[np.float64]
-# Where some rows begin: addresses in kernels, views in Python.
-Rows = tuple[Floats, ...]
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """An address in Python: element `first` of the memory of an array, and all others from there.
+
+    As in kernels, an index may be negative or go on in the next row. Outside of the array it is an
+    IndexError. A number read divides as in kernels: by zero it gives infinity or NaN.
+    """
+
+    memory: NDArray[Any]
+    first: int
+
+    def __getitem__(self, i: int) -> float:
+        return np.float64(self.memory[self._position(i)])
+
+    def __setitem__(self, i: int, value: float) -> None:
+        self.memory[self._position(i)] = value
+
+    def _position(self, i: int) -> int:
+        position = self.first + i
+        if position < 0:
+            raise IndexError(f"index {i} is {-position} before the array")
+        return position
+
+
+# Where some rows begin: addresses in kernels.
+Rows = tuple[Row, ...]
 
 
 def rows_at(array: NDArray[Any] | None, which: tuple[int, ...], first: int) -> Rows:
     """The rows `which` of a contiguous array from element `first` on; none of no array.
 
-    Rows are along the last axis, counted through all the others.
+    Rows are along the last axis, counted through all the others. Another layout is a ValueError in
+    Python and does not compile.
     """
     if array is None:
         return ()
-    rows = array.reshape(-1, array.shape[-1])
-    return tuple(rows[k, first:] for k in which)
+    if not array.flags.c_contiguous:
+        raise ValueError("a contiguous array is needed")
+    return tuple(Row(array.reshape(-1), k * array.shape[-1] + first) for k in which)
 
 
 def load(rows: Rows, i: int) -> Values:
-    """Element i of each row; kernels do not count a negative i from the end."""
-    return tuple(float(row[i]) for row in rows)
+    """Element i of each row; a negative i is before its beginning."""
+    return tuple(row[i] for row in rows)
 
 
 def store(rows: Rows, i: int, values: Values) -> None:
@@ -70,7 +98,7 @@ def element(array: NDArray[Any], i: int) -> Any:
 
 def offset(rows: Rows, i: int) -> Rows:
     """The rows from element i on."""
-    return tuple(row[i:] for row in rows)
+    return tuple(Row(row.memory, row.first + i) for row in rows)
 
 
 def map_fields(

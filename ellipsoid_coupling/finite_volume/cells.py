@@ -22,18 +22,10 @@ from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smo
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order, through_face
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
+from ellipsoid_coupling.finite_volume.kick import Kick, dampings, exact_kick
 from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
-from ellipsoid_coupling.finite_volume.sources import (
-    Cells,
-    Kick,
-    Limit,
-    Work,
-    acceleration,
-    dampings,
-    exact_kick,
-    treat,
-)
+from ellipsoid_coupling.finite_volume.sources import Cells, Limit, Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import (
     LARGEST_TURN,
     Allowed,

@@ -17,7 +17,6 @@ One pass over memory does several things to a cell, block by block so that each 
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numba
@@ -25,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.algebra import (
-    Values,
     add,
     axpy,
     div,
@@ -55,6 +53,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import (
     driven,
 )
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.kick import Kick
 from ellipsoid_coupling.finite_volume.q_grid import FULL_TURN, Extents
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, ExtremesLimit, reached
 from ellipsoid_coupling.interaction.grid_forces import Forces
@@ -127,43 +126,6 @@ def acceleration(
     """Of these terms and forces, None without interaction and walls."""
     planes = 1 if forces is None or forces.x.ndim < 3 else forces.x.shape[0]
     return Acceleration(terms, forces or NoForces(), planes, vacuum)
-
-
-class Kick(NamedTuple):
-    """V becomes decay v + gain F, each component with its own numbers, (2 or 3,)."""
-
-    decay: Values
-    gain: Values
-
-
-def exact_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
-    """The exact solution of v' = F - Gamma v over dt."""
-    rates = dampings(terms, velocities)
-    return Kick(
-        tuple(math.exp(-rate * dt) for rate in rates), tuple(exact_gain(rate, dt) for rate in rates)
-    )
-
-
-def implicit_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
-    """An implicit Euler step of it, v1 = (v + dt F)/(1 + dt Gamma); the paper's treatment."""
-    decay = tuple(1.0 / (1.0 + dt * rate) for rate in dampings(terms, velocities))
-    return Kick(decay, tuple(dt * one for one in decay))
-
-
-def drift_velocity(terms: CellTerms, velocities: int) -> Kick:
-    """V = F/Gamma, whatever it was; 0 of what nothing damps, which then has no such limit."""
-    rates = dampings(terms, velocities)
-    return Kick(fill(0.0, rates), tuple(1.0 / rate if rate > 0.0 else 0.0 for rate in rates))
-
-
-def dampings(terms: CellTerms, velocities: int) -> Values:
-    """Gamma, Gamma and, of three velocities, Gamma_bar."""
-    return (terms.damping, terms.damping, terms.angular_damping)[:velocities]
-
-
-def exact_gain(rate: float, dt: float) -> float:
-    """The integral of exp(-rate s) over a step."""
-    return -math.expm1(-rate * dt) / rate if rate else dt
 
 
 class Work(NamedTuple):

@@ -27,12 +27,7 @@ from ellipsoid_coupling.compiled.algebra import scale
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
 from ellipsoid_coupling.finite_volume.implicit_turn import turn_implicitly
-from ellipsoid_coupling.finite_volume.sources import (
-    Kick,
-    drift_velocity,
-    exact_kick,
-    implicit_kick,
-)
+from ellipsoid_coupling.finite_volume.kick import Kick, drift_velocity, exact_kick, implicit_kick
 from ellipsoid_coupling.finite_volume.step_limits import Allowed, extremes_of
 from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import Quantity

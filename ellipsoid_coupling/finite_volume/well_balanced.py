@@ -44,14 +44,9 @@ from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     set_ahead,
     set_work,
 )
+from ellipsoid_coupling.finite_volume.kick import dampings, exact_kick
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Q
-from ellipsoid_coupling.finite_volume.sources import (
-    Work,
-    acceleration,
-    dampings,
-    exact_kick,
-    treat,
-)
+from ellipsoid_coupling.finite_volume.sources import Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
 from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.finite_volume.well_balanced_stages import (

@@ -27,8 +27,8 @@ from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import Limits, face_factor
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
+from ellipsoid_coupling.finite_volume.kick import exact_gain
 from ellipsoid_coupling.finite_volume.q_grid import Extents
-from ellipsoid_coupling.finite_volume.sources import exact_gain
 
 Floats = NDArray[np.float64]
 

@@ -1,7 +1,8 @@
 """The hot kernels under pytest-benchmark: `pytest tests/benchmarks --benchmark-enable`.
 
-A plain run calls each once and checks that what it computed is finite and not nothing; nothing here
-passes or fails by a clock. workflows/benchmark.py has the rivals and the machine's limits.
+A plain run calls each once and checks that what it computed is finite and not nothing, and that a
+sweep moves mass and keeps it; nothing here passes or fails by a clock. workflows/benchmark.py has the
+rivals and the machine's limits.
 """
 
 from __future__ import annotations
@@ -67,9 +68,12 @@ def test_sweep(benchmark: Benchmark, flux: Any, axis: int) -> None:
     fields = np.zeros((4, 34, 64, 64))
     inside(fields)[0] = 1.0 + np.random.default_rng(4).random((30, 60, 60))
     inside(fields)[1:] = 0.1
+    before = inside(fields).copy()
     extents, table = occupied_extents(fields), ghosts_of(fields, Reflecting())
     benchmark(transport, flux, fields, axis, 0.1, extents, table, 0.0)
     check(fields)
+    assert np.all(inside(fields)[0] != before[0])
+    assert inside(fields)[0].sum() == pytest.approx(before[0].sum(), rel=1e-13)
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 2e-2], ids=["double", "single"])

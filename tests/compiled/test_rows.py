@@ -89,12 +89,8 @@ def test_no_rows_are_nothing() -> None:
     assert zero == 0.0
     assert one == array[1, 2]
     assert small == 2.0 * array[1, 1] - 1.0
-    assert (
-        rows_at(None, (0,), 0)
-        == load((), 0)
-        == map_fields(_python(_scaled), (1.0,), ((), ()))
-        == ()
-    )
+    assert rows_at(None, (0,), 0) == ()
+    assert load((), 0) == map_fields(_python(_scaled), (1.0,), ((), ())) == ()
     assert total(()) == 0.0
 
 
@@ -113,8 +109,34 @@ def test_rows_are_counted_through_all_but_the_last_axis() -> None:
 
 
 def test_only_contiguous_arrays_have_rows() -> None:
+    scattered = np.zeros((2, 3, 8))[..., ::2]
     with pytest.raises(TypingError, match="contiguous"):
-        _sum_at(np.zeros((2, 3, 8))[..., ::2], (0,), 0)
+        _sum_at(scattered, (0,), 0)
+    with pytest.raises(ValueError, match="contiguous"):
+        rows_at(scattered, (0,), 0)
+
+
+@kernel
+def _shifted(array: Floats, i: int) -> Values:
+    first = 1
+    return load(offset(rows_at(array, (1,), first), -1), i)
+
+
+def test_rows_go_on_in_their_neighbours() -> None:
+    """Before the beginning and beyond the end of a row; outside of the array Python says so."""
+    array = np.arange(12.0).reshape(3, 4)
+    for i in (-4, -1, 0, 3, 4, 7):
+        assert _shifted(array, i) == _python(_shifted)(array, i) == (4.0 + i,)
+    for i in (-5, 8):
+        with pytest.raises(IndexError, match=r"array|bounds"):
+            _python(_shifted)(array, i)
+
+
+def test_numbers_of_rows_divide_as_in_kernels() -> None:
+    """By zero: infinity, not an exception, though a formula in Python alone would raise one."""
+    zero, one = load(rows_at(np.array([[0.0], [1.0]]), (0, 1), 0), 0)
+    with np.errstate(divide="ignore"):
+        assert one / zero == np.inf
 
 
 @kernel(noalias=True)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.finite_volume.cells import CellFields
-from ellipsoid_coupling.finite_volume.sources import exact_gain
+from ellipsoid_coupling.finite_volume.kick import exact_gain
 from ellipsoid_coupling.finite_volume.system import Source, System, rho_system
 from ellipsoid_coupling.models import Arrays, LineStyle, ModelKind, Setup, Variable, registry
 from ellipsoid_coupling.models.r_grid import RGridEquation

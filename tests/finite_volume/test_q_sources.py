@@ -19,16 +19,9 @@ from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     set_ahead,
     set_work,
 )
+from ellipsoid_coupling.finite_volume.kick import dampings, exact_kick
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, inside, occupied_extents
-from ellipsoid_coupling.finite_volume.sources import (
-    Acceleration,
-    Cells,
-    Work,
-    acceleration,
-    dampings,
-    exact_kick,
-    treat,
-)
+from ellipsoid_coupling.finite_volume.sources import Acceleration, Cells, Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit
 from ellipsoid_coupling.geometry.boundaries import Reflecting
 from ellipsoid_coupling.interaction.q_grid import AngleForces

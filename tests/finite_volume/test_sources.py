@@ -9,15 +9,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.grid import Grid, interior
 from ellipsoid_coupling.finite_volume.implicit_turn import turn_implicitly
+from ellipsoid_coupling.finite_volume.kick import exact_kick, implicit_kick
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
-from ellipsoid_coupling.finite_volume.sources import (
-    Cells,
-    Work,
-    acceleration,
-    exact_kick,
-    implicit_kick,
-    treat,
-)
+from ellipsoid_coupling.finite_volume.sources import Cells, Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import ExtremesLimit, extremes_of
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.physics.angular import Sine

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, interior
-from ellipsoid_coupling.finite_volume.sources import Kick
+from ellipsoid_coupling.finite_volume.kick import Kick
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
 from ellipsoid_coupling.geometry.boundaries import Boundaries, everywhere
 from ellipsoid_coupling.geometry.ghost_table import GhostTable, ghost_table

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compare import errors_against, exact_reference
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.finite_volume.sources import exact_kick
+from ellipsoid_coupling.finite_volume.kick import exact_kick
 from ellipsoid_coupling.finite_volume.step_limits import extremes_of
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.provide import SHIPPED
@@ -112,10 +112,8 @@ def test_density_stays_positive_and_mass_to_rounding(scheme: str, cavity_flow: F
     assert model.counts()["mass_end"] == pytest.approx(1.0, abs=1e-13)
 
 
-def test_the_cavitys_error_is_what_the_issue_asks_at_half_its_resolution(
-    cavity_flow: FlowField,
-) -> None:
-    """Required at h = 0.005: 0.06, 0.15, 0.35; reached at h = 0.01 but for nothing: 0.04, 0.10, 0.25."""
+def test_the_cavitys_error_at_half_the_papers_resolution(cavity_flow: FlowField) -> None:
+    """Measured 0.04, 0.10, 0.25 in the density, half as much again is allowed."""
     scene = load_scene("cavity_free", {"numerics.cell": 0.01})
     result = simulate(scene, "rho_mono_kinetic", flow=cavity_flow)
     errors = errors_against(result, exact_reference(scene, cavity_flow, side=192))
@@ -125,11 +123,11 @@ def test_the_cavitys_error_is_what_the_issue_asks_at_half_its_resolution(
 
 @pytest.mark.heavy
 def test_the_cavitys_error_at_the_papers_resolution(cavity_flow: FlowField) -> None:
-    """Measured 0.012, 0.042, 0.096 (accurate) and 0.22, 0.73, 0.96 (FORCE, as model.md says)."""
+    """Measured 0.012, 0.042, 0.096 (accurate), twice that is allowed; FORCE 0.22, 0.73, 0.96."""
     scene = load_scene("cavity_free")
     reference = exact_reference(scene, cavity_flow)
     accurate = simulate(scene, "rho_mono_kinetic", flow=cavity_flow)
-    assert np.all(errors_against(accurate, reference).density < [0.06, 0.15, 0.35])
+    assert np.all(errors_against(accurate, reference).density < [0.025, 0.085, 0.2])
     force = simulate(scene, "rho_mono_kinetic", "paper", flow=cavity_flow)
     expected = [0.22, 0.75, 0.98]
     assert np.allclose(errors_against(force, reference).density, expected, atol=0.03)

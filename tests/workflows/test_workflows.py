@@ -162,13 +162,6 @@ def _look_at_it_in_a_browser(folder: Path) -> None:
     assert shot[..., :3].std() > 0.05
 
 
-@NEEDS_OPENFOAM
-@pytest.mark.openfoam
-def test_flow_order_at_a_small_size(tmp_path: Path) -> None:
-    workflow("flow_order").main(["--out", str(tmp_path), "--cells", "8", "16", "32"])
-    assert any(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("script", ["run.sh", "test.sh", "setup.sh"])
 def test_the_shell_scripts_parse(script: str) -> None:
     subprocess.run(["bash", "-n", str(WORKFLOWS / script)], check=True)

@@ -22,7 +22,7 @@ def require_no_period(scene: Scene, model: str) -> None:
                 f"scene {scene.name}, key boundaries.{name}.kind (or domain.boundary)",
                 f"sides that {model} knows, which reflect or are left",
                 side.kind,
-                "Take another kind, or a model that moves, which may be periodic.",
+                "Take another kind, or another model: all others may be periodic.",
             )
 
 

@@ -163,7 +163,7 @@ def new_runs(rows: int) -> Runs:
     return Runs(np.empty((size, 2), np.int64), np.zeros((size, 2)))
 
 
-@kernel
+@inline_kernel
 def _put_run(runs: Runs, count: int, ends: tuple[int, int], shift: tuple[float, float]) -> int:
     """Append a run; returns how many there are then."""
     runs.ends[count, 0], runs.ends[count, 1] = ends
@@ -171,7 +171,7 @@ def _put_run(runs: Runs, count: int, ends: tuple[int, int], shift: tuple[float, 
     return count + 1
 
 
-@kernel
+@inline_kernel
 def add_runs(
     sources: Sources, row: int, columns: tuple[int, int], grid: CellGrid, runs: Runs, count: int
 ) -> int:
@@ -202,8 +202,8 @@ def add_runs(
 @kernel
 def copy_run(records: Floats, runs: Runs, r: int, buffer: Floats, count: int) -> int:
     """Append the records of run r, shifted, to buffer (4, n); returns how many it then holds."""
-    begin, end = runs.ends[r]
-    right, up = runs.shifts[r]
+    begin, end = runs.ends[r, 0], runs.ends[r, 1]
+    right, up = runs.shifts[r, 0], runs.shifts[r, 1]
     for j in range(begin, end):
         to = count + j - begin
         buffer[X, to], buffer[Y, to] = records[j, X] + right, records[j, Y] + up

@@ -196,11 +196,8 @@ def _meet_the_rest(
 @kernel
 def _set_runs(
     cell: int, row: int, above: int, sources: Sources, grid: CellGrid, runs: Runs
-) -> tuple[int, int, int]:
-    """Set the runs of a cell's picture above.
-
-    Returns how many lie in the rows before `above`, how many there are, and their particles.
-    """
+) -> tuple[int, int]:
+    """Set the runs of a cell's picture above; how many lie in the rows before `above`, and in all."""
     column = cell - row * grid.columns
     low, high = column - CELLS_PER_REACH, column + CELLS_PER_REACH
     count, below = 0, 0
@@ -208,10 +205,23 @@ def _set_runs(
         columns = column if r == row else low, high
         count = add_runs(sources, r, columns, grid, runs, count)
         below = count if r < above else below
-    total = 0
-    for k in range(count):
-        total += runs.ends[k, 1] - runs.ends[k, 0]
-    return below, count, total
+    return below, count
+
+
+@kernel
+def _longest_buffer(rows: tuple[int, int], sources: Sources, grid: CellGrid) -> int:
+    """As many particles as the runs of any cell in a block hold at most."""
+    first, width = sources.first, grid.columns
+    most = 0
+    # Three whole rows: a bound that takes no look at each cell, and memory that is not used costs nothing.
+    for row in range(rows[0], rows[1]):
+        end = row + CELLS_PER_REACH + 1
+        count = first[min(end, grid.rows) * width] - first[row * width]
+        if grid.period_y > 0.0 and end > grid.rows:
+            count += first[(end - grid.rows) * width]
+        most = max(most, count)
+    # Of four cells in a period one is met from both sides.
+    return most if grid.period_x == 0.0 else 2 * most
 
 
 @kernel
@@ -220,7 +230,7 @@ def _add_felt(
 ) -> int:
     """Add felt (3, n) from `count` on to the particles of some runs in out, which is from `start`."""
     for r in range(which[0], which[1]):
-        begin, end = runs.ends[r]
+        begin, end = runs.ends[r, 0], runs.ends[r, 1]
         for j in range(begin, end):
             for k in range(3):
                 out[j - start, k] += felt[k, count + j - begin]
@@ -244,7 +254,7 @@ def _add_cell(
     """
     buffer, felt, given, runs = work
     # The cell's own particles come first in the first run.
-    below, here, _ = _set_runs(cell, row, above, sources, pairs.grid, runs)
+    below, here = _set_runs(cell, row, above, sources, pairs.grid, runs)
     count = 0
     for r in range(here):
         count = copy_run(sources.records, runs, r, buffer, count)
@@ -315,12 +325,7 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     own[first[rows[0] * grid.columns] : first[above * grid.columns]] = 0.0
     sums = _sums_above(above, sources, grid, own)
     runs = new_runs(CELLS_PER_REACH + 1)
-    most = 0
-    # The longest buffer that any cell of the block needs, made once.
-    for row in range(rows[0], rows[1]):
-        for cell in range(row * grid.columns, (row + 1) * grid.columns):
-            most = max(most, _set_runs(cell, row, above, sources, grid, runs)[2])
-    most += DOUBLES
+    most = _longest_buffer(rows, sources, grid) + DOUBLES
     work = np.zeros((RECORD, most)), np.zeros((3, most)), np.empty((3, most)), runs
     ghost_work = _ghost_work(pairs.ghosts, grid)
     for row in range(rows[0], rows[1]):

@@ -21,7 +21,7 @@ from ellipsoid_coupling.models.flow_fit import require_fitting, require_start_in
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_rates
 from ellipsoid_coupling.models.particle_model import none_frozen, particle_snapshot, scene_limits
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
-from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce
+from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_places
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, terms_of
 
@@ -66,6 +66,7 @@ def _runge_kutta(
     velocity: Floats,
     dt: float,
     frozen: Flags | None,
+    periods: Floats | None,
 ) -> None:
     """A classical fourth-order step of r' = v, v' = F - Gamma v from time t on, in place."""
     slopes = np.empty((4, *place.shape))
@@ -77,6 +78,7 @@ def _runge_kutta(
         if stage > 0:
             trial += part * speeds[stage - 1]
             speeds[stage] += part * slopes[stage - 1]
+            wrap_places(periods, trial)
         _slope(drift, t + part, damping, trial, speeds[stage], slopes[stage], frozen)
     place += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
     velocity += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
@@ -97,9 +99,11 @@ def _push(
     place, velocity, frozen = state.place[k], state.velocity[k], frozen_row(state.frozen, k)
     for step in range(steps):
         before = places_before(limits.mesh, place)
-        _runge_kutta(drift, t + step * dt, damping, place, velocity, dt, frozen)
+        now = t + step * dt
+        _runge_kutta(drift, now, damping, place, velocity, dt, frozen, limits.periods)
         bounce(limits.box, place, velocity)
         freeze(state, k, limits, before)
+        wrap_places(limits.periods, place)
 
 
 def _push_all(

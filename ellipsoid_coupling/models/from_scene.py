@@ -9,6 +9,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.flow import FlowArrays
+from ellipsoid_coupling.geometry.boundaries import periodic_axes
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
@@ -54,7 +55,7 @@ def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
     shape = potential_shape(particles.length, particles.width)
     scaled = strength / particles.number
     pairs = Pairs(
-        grid=cell_grid(scene.domain.x, scene.domain.y, shape.reach),
+        grid=cell_grid(scene.domain.x, scene.domain.y, shape.reach, periodic_axes(scene)),
         shape=shape,
         force_weight=scaled / particles.mass,
         torque_weight=scaled / particles.inertia if torque else None,

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
-from ellipsoid_coupling.geometry.boundaries import reflecting_box
+from ellipsoid_coupling.geometry.boundaries import box_of_sides
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.flow_fit import rectangle, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_mesh, scene_rates
 from ellipsoid_coupling.models.kind import ModelKind
-from ellipsoid_coupling.models.periodic import require_no_period
+from ellipsoid_coupling.models.periodic import require_wide_periods
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
@@ -72,8 +72,8 @@ class ParticleModel(ABC):
 
     @classmethod
     def require_fit(cls, setup: Setup) -> None:
-        """Raise InputError for periodic sides."""
-        require_no_period(setup.scene, cls.kinds[0].name)
+        """Raise InputError for periods that particles would interact around."""
+        require_wide_periods(setup.scene)
 
     @property
     def time(self) -> float:
@@ -165,7 +165,7 @@ class ParticleModel(ABC):
 
     def health(self) -> Health:
         """Speeds and forces of all particles, and whether all are inside."""
-        return particle_health(self._state, self._limits.box)
+        return particle_health(self._state, box_of_sides(self._setup.scene, "reflect", "wrap"))
 
     def counts(self) -> Counts:
         """The steps, how many particles have left the flow's mesh, and the mass, which these take along."""
@@ -207,16 +207,16 @@ def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
 
 
 def scene_limits(setup: Setup, number: int) -> Limits:
-    """Step size, tolerance, reflecting box, mesh that can be left, and contacts of the steppers.
+    """Step size, tolerance, reflecting box, mesh that can be left, contacts and periods of the steppers.
 
     number : how many particles share the interaction's strength
     """
     numerics = setup.scene.numerics
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])[: 3 if setup.terms.angle else 2]
-    box = reflecting_box(setup.scene)
+    box, periods = box_of_sides(setup.scene, "reflect"), box_of_sides(setup.scene, "wrap")
     contact = scene_contact(setup, scale, number)
     mesh = scene_mesh(setup)
-    return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact)
+    return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact, periods)
 
 
 def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
@@ -341,7 +341,7 @@ def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
 
 
 def particle_health(state: ParticleState, box: Floats | None) -> Health:
-    """Of all realisations together, between the walls `box` of `Limits`."""
+    """Of all realisations together; none may be outside of `box`, which reflects or wraps."""
     place, velocity, force = state[:3]
     v, omega, _, _, outside = survey_particles(place, velocity, force, box)
     clock = state.clock

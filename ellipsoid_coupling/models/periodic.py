@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
+from ellipsoid_coupling.geometry.boundaries import periodic_axes
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
-
-
-def periodic_axes(scene: Scene) -> tuple[bool, bool]:
-    """Whether y and x are periodic, in the order of a grid's axes."""
-    sides = scene.sides
-    return sides["bottom"].particles == "wrap", sides["left"].particles == "wrap"
 
 
 def require_no_period(scene: Scene, model: str) -> None:
@@ -27,8 +22,28 @@ def require_no_period(scene: Scene, model: str) -> None:
                 f"scene {scene.name}, key boundaries.{name}.kind (or domain.boundary)",
                 f"sides that {model} knows, which reflect or are left",
                 side.kind,
-                "Take another kind, or a model on a grid (rho_mono_kinetic, diffusive, q_maxwellian, "
-                "q_mono_kinetic), which may be periodic.",
+                "Take another kind, or another model: all others may be periodic.",
+            )
+
+
+def require_wide_periods(scene: Scene) -> None:
+    """Refuse periods in which a particle's interaction reaches around: it would meet another one twice.
+
+    Raises
+    ------
+    InputError
+    """
+    if scene.interaction is None:
+        return
+    reach = potential_shape(scene.particles.length, scene.particles.width).reach
+    widths = scene.domain.height, scene.domain.width
+    for letter, width, periodic in zip("yx", widths, periodic_axes(scene), strict=True):
+        if periodic and width < 2.0 * reach:
+            raise InputError(
+                f"scene {scene.name}, key domain.{letter}",
+                f"with [interaction], a period of at least twice the potential's reach ({reach:g})",
+                f"{width:g}",
+                "Change it, or particles.length.",
             )
 
 

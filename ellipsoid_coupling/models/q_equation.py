@@ -24,7 +24,7 @@ from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, check_angles, start_angles
 from ellipsoid_coupling.finite_volume.system import System, q_system
-from ellipsoid_coupling.geometry.boundaries import scene_boundaries
+from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import distinct_angles
 from ellipsoid_coupling.interaction.occupied import occupied_box
@@ -33,7 +33,7 @@ from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.periodic import periodic_axes, require_room
+from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.models.summation import q_tolerance
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape

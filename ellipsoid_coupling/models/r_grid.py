@@ -15,13 +15,13 @@ from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
 from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
-from ellipsoid_coupling.geometry.boundaries import scene_boundaries
+from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
 from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
-from ellipsoid_coupling.models.periodic import periodic_axes, require_room
+from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.physics.potential import potential_shape
 

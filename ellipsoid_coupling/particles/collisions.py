@@ -19,6 +19,9 @@ Flows are smooth, so e is small where particles are many. A neighbour that is to
 by the tolerance in a step may be passed (`pull`). Where only all neighbours together are strong enough,
 the root mean square of e_i counts instead of the largest.
 
+Across a periodic side delta is the distance of the nearest images. A particle's images all move alike, and
+so must the fit: A does not depend on a periodic coordinate.
+
 With noise, a step that ends inside a neighbour is not repeated. Then c^2 is half of that, and the width at
 most the length in which the potential drops, U/|dU/dr| = b (1-s)^2/(2 sqrt(s)), where its height is the
 energy with which the pair meets, of heat and of the visible motion. The bound does not depend on the noise
@@ -140,7 +143,16 @@ def _meets(frozen: Flags | None, k: int, i: int) -> bool:
 
 
 @kernel
-def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
+def _fitted_axes(periods: Floats | None) -> tuple[float, float]:
+    """1 for x and for y where the fitted motion may depend on it, 0 where images must move alike."""
+    if periods is None:
+        return 1.0, 1.0
+    x, y = math.isinf(periods[0, 1]), math.isinf(periods[1, 1])
+    return 1.0 if x else 0.0, 1.0 if y else 0.0
+
+
+@kernel
+def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
     place, velocity, force, frozen = cloud
     blocks, _, size = place.shape
@@ -163,7 +175,7 @@ def _fit(cloud: Cloud, moves: _Moves) -> tuple[float, ...]:
         k, i = j // size, j % size
         if not _meets(frozen, k, i):
             continue
-        x, y = place[k, 0, i] - means[0], place[k, 1, i] - means[1]
+        x, y = axes[0] * (place[k, 0, i] - means[0]), axes[1] * (place[k, 1, i] - means[1])
         squares[0] += x * x
         squares[1] += x * y
         squares[2] += y * y
@@ -253,9 +265,16 @@ def allowed_width(contact: Contact, speed: float) -> float:
 
 
 @kernel
-def _part_for_pairs(contact: Contact, cloud: Cloud, moves: _Moves, crowd: bool, dt: float) -> float:
+def _part_for_pairs(
+    contact: Contact,
+    cloud: Cloud,
+    moves: _Moves,
+    axes: tuple[float, float],
+    crowd: bool,
+    dt: float,
+) -> float:
     """The part of a step in which no particle passes another one; see the module."""
-    motion = _fit(cloud, moves)
+    motion = _fit(cloud, moves, axes)
     residual, turn = _residuals(cloud, moves, motion, crowd)
     xx, xy, yx, yy = motion[4:]
     strain = 0.5 * abs(xx + yy) + math.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))
@@ -296,7 +315,8 @@ def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: floa
     crowd = _matters(contact.pull[CROWD], rates, limits.tolerance, dt)
     moves = _moves(rates, dt)
     if pair or crowd:
-        part = _part_for_pairs(contact, cloud, moves, not pair, dt)
+        axes = _fitted_axes(limits.periods)
+        part = _part_for_pairs(contact, cloud, moves, axes, not pair, dt)
     if pair or _matters(contact.pull[WALL], rates, limits.tolerance, dt):
         part = min(part, _part_at_walls(contact, limits.box, cloud, moves, dt))
     return part

@@ -1,9 +1,9 @@
 """Particles that leave the flow's mesh are frozen: at rest where they left it, acting on nobody.
 
 Beyond an outlet, or in a solid, the fluid is not known. After each step the straight way from the old
-place to the new one is followed in steps of half a cell. At the first point outside the mesh the
-particle stays: its velocity, force and noise are set to 0, so that every scheme leaves it there, and
-forces leave it out. Scenes whose flow cannot be left compile none of this.
+place to the new one, before that is wrapped, is followed in steps of half a cell. At the first point
+outside the mesh the particle stays: its velocity, force and noise are set to 0, so that every scheme leaves
+it there, and forces leave it out. Scenes whose flow cannot be left compile none of this.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.flow.field import FlowArrays, in_mesh
+from ellipsoid_coupling.geometry.wrapping import wrap
 from ellipsoid_coupling.particles.state import Limits, ParticleState
 
 Floats = NDArray[np.float64]
@@ -44,13 +45,14 @@ def places_before(mesh: FlowArrays | None, place: Floats) -> Floats | None:
 @kernel
 def freeze(state: ParticleState, k: int, limits: Limits, before: Floats | None) -> None:
     """Freeze the particles of realisation k whose step from `before` has left the mesh, in place."""
-    _freeze(state.frozen, limits.mesh, before, state, k)
+    _freeze(state.frozen, limits.mesh, limits.periods, before, state, k)
 
 
 @kernel
 def _freeze(
     frozen: Flags | None,
     mesh: FlowArrays | None,
+    periods: Floats | None,
     before: Floats | None,
     state: ParticleState,
     k: int,
@@ -60,7 +62,7 @@ def _freeze(
         for i in range(place.shape[1]):
             if frozen[k, i] == 0:
                 start, end = (before[0, i], before[1, i]), (place[0, i], place[1, i])
-                leaves, x, y = first_outside(mesh, start, end)
+                leaves, x, y = first_outside(mesh, start, end, periods)
                 if leaves:
                     frozen[k, i] = 1
                     place[0, i], place[1, i] = x, y
@@ -76,10 +78,24 @@ def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
 
 
 @kernel
+def _is_inside(mesh: FlowArrays, periods: Floats | None, x: float, y: float) -> bool:
+    """Whether a place, or its image in the domain, lies in the mesh."""
+    if periods is not None:
+        x, y = wrap(x, periods[0, 0], periods[0, 1]), wrap(y, periods[1, 0], periods[1, 1])
+    inside: bool = in_mesh(mesh, x, y)
+    return inside
+
+
+@kernel
 def first_outside(
-    mesh: FlowArrays, start: tuple[float, float], end: tuple[float, float]
+    mesh: FlowArrays,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    periods: Floats | None = None,
 ) -> tuple[bool, float, float]:
     """Whether the straight way leaves the mesh, and its first point outside, or else its end.
+
+    It may cross periodic sides, as often as it likes.
 
     A place that is not finite counts as inside: the steppers report it as a failure of their own.
     """
@@ -91,6 +107,6 @@ def first_outside(
     parts = 1 + int(min(way, float(_MOST_STEPS * (nx + ny))))
     for j in range(1, parts):
         x, y = start[0] + dx * j / parts, start[1] + dy * j / parts
-        if not in_mesh(mesh, x, y):
+        if not _is_inside(mesh, periods, x, y):
             return True, x, y
-    return not in_mesh(mesh, end[0], end[1]), end[0], end[1]
+    return not _is_inside(mesh, periods, end[0], end[1]), end[0], end[1]

@@ -30,7 +30,14 @@ from ellipsoid_coupling.particles.clocks import (
 from ellipsoid_coupling.particles.forces import BlockForces
 from ellipsoid_coupling.particles.frozen import freeze, places_before
 from ellipsoid_coupling.particles.own_clock import own_clock
-from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, bounce, noise_rows
+from ellipsoid_coupling.particles.state import (
+    Limits,
+    ParticleState,
+    Rates,
+    bounce,
+    noise_rows,
+    wrap_places,
+)
 from ellipsoid_coupling.stepping.status import RUNNING
 from ellipsoid_coupling.stepping.step_control import GIVEN, STATUS, TIME, accept, equal_steps
 
@@ -78,6 +85,7 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     _move(place, velocity, dt)
     bounce(limits.box, place, velocity)
     freeze(state, k, limits, before)
+    wrap_places(limits.periods, place)
     # Of the place: it is not finite as soon as the velocity is not.
     note_block_finite(k, work, place)
 

@@ -2,10 +2,13 @@
 
 The formulas are those of `exponential`; between the two a caller evaluates the drift. All particles take
 the plain formula in a loop that vectorises. Those that may come to a wall within the step, few as a rule,
-are then done again with their bounces.
+are then done again with their bounces. Both ends are wrapped where sides are periodic: the drift is known
+in the domain only.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +18,7 @@ from ellipsoid_coupling.geometry.reflection import reflect
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.frozen import freeze, places_before
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step
-from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial
+from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial, wrap_places
 
 Floats = NDArray[np.float64]
 
@@ -157,6 +160,7 @@ def predict_step(
         _predict(state, k, d, linear, trial)
         _add_place_noise(noise, d, rates, linear, trial.place[d])
     _predict_in_box(limits.box, state, k, noise, rates, trial, dt)
+    wrap_places(limits.periods, trial.place)
 
 
 @kernel
@@ -187,12 +191,38 @@ def accept_step(
 ) -> None:
     """Finish the step of realisation k that `trial` predicts, in place."""
     before = places_before(limits.mesh, state.place[k])
+    _unwrap(limits.periods, before, state, k, noise, rates, trial, dt)
     done = _correct_in_box(limits.box, state, k, noise, rates, trial, dt)
     for d in range(done, len(trial.place)):
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
         _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])
     freeze(state, k, limits, before)
+    wrap_places(limits.periods, state.place[k])
+
+
+@kernel
+def _unwrap(
+    periods: Floats | None,
+    before: Floats | None,
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    trial: Trial,
+    dt: float,
+) -> None:
+    """Shift the places before a step by whole periods to where the straight way to the trial began."""
+    if periods is not None and before is not None:
+        for d in range(2):
+            if math.isinf(periods[d, 1]):
+                continue
+            linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
+            velocity, force = state.velocity[k, d], state.force[k, d]
+            for i in range(before.shape[1]):
+                moved = linear.place_velocity * velocity[i] + linear.place_force * force[i]
+                moved += _noise_of(noise, d, rates, linear, i)[0]
+                before[d, i] = trial.place[d, i] - moved
 
 
 @kernel

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.flow.field import FlowArrays
 from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.geometry.wrapping import wrap
 from ellipsoid_coupling.particles.extremes import largest_size
 from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE
 
@@ -106,7 +107,7 @@ class Contact(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What bounds a step, and the box that reflects.
+    """What bounds a step, the box that reflects, and the periods.
 
     Attributes
     ----------
@@ -117,11 +118,13 @@ class Limits(NamedTuple):
     scale : (D,) float64
         The particle's length L for positions, 1 radian for the angle.
     box : (2, 2) float64 or None
-        [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None for an open domain.
+        [[x_low, x_high], [y_low, y_high]] of the reflecting walls; None without any.
     mesh : FlowArrays or None
         The flow whose mesh particles can leave, see `frozen`; None where none can.
     contact : Contact or None
         None without interaction.
+    periods : (2, 2) float64 or None
+        The sides that are periodic, as those of `box`; None without any.
     """
 
     step: float
@@ -130,6 +133,7 @@ class Limits(NamedTuple):
     box: Floats | None
     mesh: FlowArrays | None = None
     contact: Contact | None = None
+    periods: Floats | None = None
 
 
 @kernel
@@ -204,3 +208,12 @@ def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
             for i in range(place.shape[1]):
                 place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
                 velocity[d, i] *= sign
+
+
+@kernel
+def wrap_places(periods: Floats | None, place: Floats) -> None:
+    """Shift positions (D, N) by whole periods into the domain, in place."""
+    if periods is not None:
+        for d in range(2):
+            for i in range(place.shape[1]):
+                place[d, i] = wrap(place[d, i], periods[d, 0], periods[d, 1])

@@ -13,9 +13,9 @@ from ellipsoid_coupling.geometry.boundaries import (
     Place,
     Reflecting,
     at_side,
+    box_of_sides,
     everywhere,
     ghost,
-    reflecting_box,
     register_boundary,
     scene_boundaries,
 )
@@ -90,8 +90,10 @@ def test_each_side_of_a_scene_has_its_kind() -> None:
     """domain.boundary is the short form for the sides that [boundaries] does not name."""
     scene = load_scene("rotation", {"boundaries.left.kind": "reflecting"})
     assert scene_boundaries(scene) == Boundaries(Reflecting(), Open(), Open(), Open())
-    np.testing.assert_array_equal(reflecting_box(scene), [[-1.5, np.inf], [-np.inf, np.inf]])
-    assert reflecting_box(load_scene("rotation")) is None
+    np.testing.assert_array_equal(
+        box_of_sides(scene, "reflect"), [[-1.5, np.inf], [-np.inf, np.inf]]
+    )
+    assert box_of_sides(load_scene("rotation"), "reflect") is None
     assert tuple(scene.sides) == SIDES
 
 

@@ -156,8 +156,11 @@ def test_interaction_reaches_over_the_seam(model: str) -> None:
 @pytest.mark.parametrize(
     ("model", "changes", "message"),
     [
-        ("microscopic", {}, "sides that microscopic knows"),
-        ("mckean_vlasov", {}, "boundaries.left.kind .*sides that mckean_vlasov knows"),
+        (
+            "stationary_state",
+            {"flow": None},
+            "boundaries.left.kind .*sides that stationary_state knows",
+        ),
         ("rho_mono_kinetic", {"flow.field": "top_bottom"}, "same on both periodic sides"),
         (
             "q_mono_kinetic",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -157,10 +158,16 @@ CONTACT = contact_of(SHAPE, 1e-4, STRONG, False, (0.0, 0.0, 1.0))
 LIMITS = Limits(1.0, 1e-4, np.array([0.1, 0.1, 1.0]), None, contact=CONTACT)
 
 
-def closest(place: Floats, move: Floats) -> tuple[Floats, Floats]:
-    """The least distance of all pairs on straight ways, and how far they move against one another."""
+def closest(
+    place: Floats, move: Floats, image: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Floats, Floats]:
+    """The least distance of all pairs on straight ways, and how far they move against one another.
+
+    image : how far the second of each pair is shifted
+    """
     i, j = np.triu_indices(place.shape[1], 1)
     apart, moved = place[:, j] - place[:, i], move[:, j] - move[:, i]
+    apart = apart + np.array(image)[:, None]
     square = np.maximum((moved**2).sum(axis=0), 1e-300)
     part = np.clip(-(apart * moved).sum(axis=0) / square, 0.0, 1.0)
     return np.hypot(*(apart + part * moved)), np.sqrt(square)
@@ -179,6 +186,27 @@ def test_no_pair_within_reach_moves_further_than_allowed(seed: int) -> None:
     distance, moved = closest(place[0, :2], dt * velocity[0, :2])
     assert dt > 0.0
     assert moved[distance < CONTACT.reach].max(initial=0.0) < 1.1 * CONTACT.part * CONTACT.thickness
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("periods", [(1.0, 1.0), (1.0, np.inf), (np.inf, 1.0)])
+def test_no_pair_of_images_moves_further_than_allowed(
+    seed: int, periods: tuple[float, float]
+) -> None:
+    """The same across periodic sides, where a motion that is linear in space jumps."""
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(-1.0, 1.0, (1, 3, 30))
+    velocity = np.einsum("de,ken->kdn", rng.uniform(-1.0, 1.0, (3, 3)), place)
+    velocity += rng.standard_normal(velocity.shape) * 10.0 ** rng.uniform(-2.0, 0.0)
+    velocity[:, 2] = 0.0
+    box = np.array([[-period, period] for period in periods])
+    limits = LIMITS._replace(periods=box)
+    dt = collision_step(Cloud(place, velocity, 0.0 * place), FREE, limits, 1e3)
+    shifts = [(-2.0, 0.0, 2.0) if np.isfinite(period) else (0.0,) for period in periods]
+    for image in itertools.product(shifts[0], shifts[1]):
+        distance, moved = closest(place[0, :2], dt * velocity[0, :2], image)
+        allowed = 1.1 * CONTACT.part * CONTACT.thickness
+        assert moved[distance < CONTACT.reach].max(initial=0.0) < allowed
 
 
 def test_a_flow_that_carries_all_alike_bounds_nothing() -> None:

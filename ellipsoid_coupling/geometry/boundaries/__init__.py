@@ -28,6 +28,7 @@ from ellipsoid_coupling.geometry.boundaries.open import Open
 from ellipsoid_coupling.geometry.boundaries.periodic import Periodic
 from ellipsoid_coupling.geometry.boundaries.reflecting import Reflecting
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.sides import AtSide
 
 __all__ = [
     "ACROSS",
@@ -40,9 +41,10 @@ __all__ = [
     "Place",
     "Reflecting",
     "at_side",
+    "box_of_sides",
     "everywhere",
     "ghost",
-    "reflecting_box",
+    "periodic_axes",
     "register_boundary",
     "scene_boundaries",
 ]
@@ -89,17 +91,23 @@ def scene_boundaries(scene: Scene) -> Boundaries:
     )
 
 
-def reflecting_box(scene: Scene) -> Floats | None:
-    """[[x_low, x_high], [y_low, y_high]] of the sides that particles bounce off; None without any.
+def periodic_axes(scene: Scene) -> tuple[bool, bool]:
+    """Whether y and x are periodic, in the order of a grid's axes."""
+    sides = scene.sides
+    return sides["bottom"].particles == "wrap", sides["left"].particles == "wrap"
 
-    Infinite where they do not.
+
+def box_of_sides(scene: Scene, *acts: AtSide) -> Floats | None:
+    """[[x_low, x_high], [y_low, y_high]] of the sides where particles do one of `acts`; None without any.
+
+    Infinite at the other sides.
     """
-    if not scene.has_sides("reflect"):
+    if not any(scene.has_sides(act) for act in acts):
         return None
     ends = (*scene.domain.x, *scene.domain.y)
     far = (-np.inf, np.inf, -np.inf, np.inf)
     held = [
-        end if side.particles == "reflect" else beyond
+        end if side.particles in acts else beyond
         for side, end, beyond in zip(scene.sides.values(), ends, far, strict=True)
     ]
     return np.reshape(held, (2, 2))

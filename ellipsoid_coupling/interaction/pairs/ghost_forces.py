@@ -35,13 +35,14 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
         Per mass and per inertia.
     """
     grid = pairs.grid
-    buffer, given = scratch(ghosts)
+    buffer, given, runs = scratch(ghosts, grid)
     gathered, count = -1, 0
     force_weight = pairs.force_weight * pairs.ghost_factor
     for i in range(place.shape[1]):
         cell = cell_index(place[0, i], place[1, i], grid)
         if cell != gathered:
-            count = gather(ghosts, cell % grid.columns, cell // grid.columns, grid, buffer)
+            column, row = cell % grid.columns, cell // grid.columns
+            count = gather(ghosts, column, row, grid, runs, buffer)
             gathered = cell
         if count > 0:
             double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0

@@ -11,6 +11,8 @@ three contiguous runs; the cells before it have already met it:
         |   |   | t | 0 | 0 |
         +---+---+---+---+---+
 
+Beyond a periodic side the runs go on at the other one (`cells`): a pair across it is met once as well.
+
 A block of rows writes its sums for the two rows above it to memory of its own (`RowSums.above`), so that
 blocks can run side by side. The order of summation follows from the cells and the blocks alone.
 """
@@ -32,11 +34,14 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     RECORD,
     S2,
     CellGrid,
+    Runs,
     Sources,
     X,
     Y,
+    add_runs,
     copy_run,
     gather,
+    new_runs,
     sort_by_cell,
 )
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, pair_terms
@@ -63,12 +68,14 @@ class RowSums(NamedTuple):
     """Sums of dU/dx, dU/dy, dU/dtheta (over eps0) in the order of the sorted particles.
 
     own : (n, 4) float64, of all particles, the last column unused; a block writes its own rows'.
-    above : (m, 4), of the m particles from `end` on, in the two rows above a block.
+    above : (m, 4), of the m particles from `start` on, in the two rows above a block: the first
+        two of all, where the block ends at a periodic side.
+    start : int
     """
 
     own: Floats
     above: Floats
-    end: int
+    start: int
 
 
 @kernel
@@ -93,11 +100,13 @@ def sum_in_lanes(values: Floats) -> float:
 
 
 @kernel
-def scratch(sources: Sources) -> tuple[Floats, Floats]:
-    """For `gather` and `sum_over_sources`: a buffer (4, m) of sources and their gradients (3, m), m > n."""
+def scratch(sources: Sources, grid: CellGrid) -> tuple[Floats, Floats, Runs]:
+    """For `gather` and `sum_over_sources`: a buffer (4, m) of sources, their gradients (3, m), and runs."""
+    # Of four cells in a period one is met from both sides: 5/4 of all particles, or 25/16.
+    copies = 1 if grid.period_x == 0.0 and grid.period_y == 0.0 else 2
     # Loops go on to the end of a vector.
-    size = sources.records.shape[0] + DOUBLES
-    return np.zeros((RECORD, size)), np.empty((3, size))
+    size = copies * sources.records.shape[0] + DOUBLES
+    return np.zeros((RECORD, size)), np.empty((3, size)), new_runs(2 * CELLS_PER_REACH + 1)
 
 
 @kernel(noalias=True)
@@ -185,60 +194,78 @@ def _meet_the_rest(
 
 
 @kernel
-def _runs(cell: int, row: int, sources: Sources, grid: CellGrid, runs: Integers) -> tuple[int, int]:
-    """The runs of a cell's picture above: begin and end (3, 2); how many, and their particles."""
+def _set_runs(
+    cell: int, row: int, above: int, sources: Sources, grid: CellGrid, runs: Runs
+) -> tuple[int, int]:
+    """Set the runs of a cell's picture above; how many lie in the rows before `above`, and in all."""
     column = cell - row * grid.columns
-    low = max(column - CELLS_PER_REACH, 0)
-    high = min(column + CELLS_PER_REACH, grid.columns - 1)
-    last = min(row + CELLS_PER_REACH, grid.rows - 1)
-    total = 0
-    for r in range(row, last + 1):
-        start = cell if r == row else r * grid.columns + low
-        runs[r - row, 0] = sources.first[start]
-        runs[r - row, 1] = sources.first[r * grid.columns + high + 1]
-        total += runs[r - row, 1] - runs[r - row, 0]
-    return last + 1 - row, total
+    low, high = column - CELLS_PER_REACH, column + CELLS_PER_REACH
+    count, below = 0, 0
+    for r in range(row, row + CELLS_PER_REACH + 1):
+        columns = column if r == row else low, high
+        count = add_runs(sources, r, columns, grid, runs, count)
+        below = count if r < above else below
+    return below, count
 
 
 @kernel
-def _add_felt(felt: Floats, begin: int, end: int, count: int, out: Floats, start: int) -> int:
-    """Add felt (3, n) from `count` on to the particles begin .. end - 1 of out, which is from `start`."""
-    for j in range(begin, end):
-        for k in range(3):
-            out[j - start, k] += felt[k, count + j - begin]
-    return count + end - begin
+def _longest_buffer(rows: tuple[int, int], sources: Sources, grid: CellGrid) -> int:
+    """As many particles as the runs of any cell in a block hold at most."""
+    first, width = sources.first, grid.columns
+    most = 0
+    # Three whole rows: a bound that takes no look at each cell, and memory that is not used costs nothing.
+    for row in range(rows[0], rows[1]):
+        end = row + CELLS_PER_REACH + 1
+        count = first[min(end, grid.rows) * width] - first[row * width]
+        if grid.period_y > 0.0 and end > grid.rows:
+            count += first[(end - grid.rows) * width]
+        most = max(most, count)
+    # Of four cells in a period one is met from both sides.
+    return most if grid.period_x == 0.0 else 2 * most
+
+
+@kernel
+def _add_felt(
+    felt: Floats, runs: Runs, which: tuple[int, int], count: int, out: Floats, start: int
+) -> int:
+    """Add felt (3, n) from `count` on to the particles of some runs in out, which is from `start`."""
+    for r in range(which[0], which[1]):
+        begin, end = runs.ends[r, 0], runs.ends[r, 1]
+        for j in range(begin, end):
+            for k in range(3):
+                out[j - start, k] += felt[k, count + j - begin]
+        count += end - begin
+    return count
 
 
 @kernel
 def _add_cell(
     cell: int,
     row: int,
+    above: int,
     sources: Sources,
     pairs: Pairs,
-    work: tuple[Floats, Floats, Floats, Integers],
+    work: tuple[Floats, Floats, Floats, Runs],
     sums: RowSums,
 ) -> None:
-    """All pairs of a cell's particles with each other and those behind them."""
+    """All pairs of a cell's particles with each other and those behind them.
+
+    above : the row that follows the block
+    """
     buffer, felt, given, runs = work
     # The cell's own particles come first in the first run.
-    here, _ = _runs(cell, row, sources, pairs.grid, runs)
+    below, here = _set_runs(cell, row, above, sources, pairs.grid, runs)
     count = 0
     for r in range(here):
-        count = copy_run(sources.records, runs[r, 0], runs[r, 1], buffer, count)
+        count = copy_run(sources.records, runs, r, buffer, count)
     for k in range(3):
         for j in range(count):
             felt[k, j] = 0.0
     for t in range(sources.first[cell + 1] - sources.first[cell]):
         _meet_the_rest(t, count, buffer, felt, given, pairs.shape)
-    count = 0
-    for r in range(here):
-        begin, end = runs[r]
-        # Runs in the rows above the block go to memory of their own: another block owns those
-        # particles.
-        if begin < sums.end:
-            count = _add_felt(felt, begin, end, count, sums.own, 0)
-        else:
-            count = _add_felt(felt, begin, end, count, sums.above, sums.end)
+    # Runs in the rows above the block go to memory of their own: another block owns those particles.
+    count = _add_felt(felt, runs, (0, below), 0, sums.own, 0)
+    _add_felt(felt, runs, (below, here), count, sums.above, sums.start)
 
 
 @kernel
@@ -248,13 +275,13 @@ def _add_ghosts(
     row: int,
     sources: Sources,
     pairs: Pairs,
-    work: tuple[Floats, Floats] | None,
+    work: tuple[Floats, Floats, Runs] | None,
     sums: RowSums,
 ) -> None:
     """Add the sums over the walls' ghosts to those of a cell's particles."""
     if ghosts is not None and work is not None:
-        buffer, given = work
-        count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, buffer)
+        buffer, given, runs = work
+        count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, runs, buffer)
         for t in range(sources.first[cell], sources.first[cell + 1] if count > 0 else 0):
             x, y, c2, s2 = sources.records[t]
             found = sum_over_sources((x, y, c2, s2), buffer, count, given, pairs.shape)
@@ -263,10 +290,22 @@ def _add_ghosts(
 
 
 @kernel
-def _ghost_work(ghosts: Sources | None) -> tuple[Floats, Floats] | None:
+def _ghost_work(ghosts: Sources | None, grid: CellGrid) -> tuple[Floats, Floats, Runs] | None:
     if ghosts is None:
         return None
-    return scratch(ghosts)
+    return scratch(ghosts, grid)
+
+
+@kernel
+def _sums_above(above: int, sources: Sources, grid: CellGrid, own: Floats) -> RowSums:
+    """The sums, still 0, of a block that the row `above` follows."""
+    first = sources.first
+    # Above the last row stand the first ones again, or nothing.
+    if above == grid.rows and grid.period_y > 0.0:
+        above = 0
+    start = first[above * grid.columns]
+    end = first[min(above + CELLS_PER_REACH, grid.rows) * grid.columns]
+    return RowSums(own, np.zeros((end - start, RECORD)), start)
 
 
 @kernel
@@ -276,32 +315,33 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     Parameters
     ----------
     rows : (int, int)
-        At least two rows of cells, or the last one.
+        At least two rows of cells, or the last one, where y is not periodic.
     sources : Sources
     pairs : Pairs
     own : (n, 4) float64
         The rows' part is overwritten.
     """
-    grid, first = pairs.grid, sources.first
-    start, end = first[rows[0] * grid.columns], first[rows[1] * grid.columns]
-    top = first[min(rows[1] + CELLS_PER_REACH, grid.rows) * grid.columns]
-    sums = RowSums(own, np.zeros((top - end, RECORD)), end)
-    own[start:end] = 0.0
-    runs = np.empty((CELLS_PER_REACH + 1, 2), np.int64)
-    most = 0
-    # The longest buffer that any cell of the block needs, made once.
-    for row in range(rows[0], rows[1]):
-        for cell in range(row * grid.columns, (row + 1) * grid.columns):
-            most = max(most, _runs(cell, row, sources, grid, runs)[1])
-    most += DOUBLES
+    grid, first, above = pairs.grid, sources.first, rows[1]
+    own[first[rows[0] * grid.columns] : first[above * grid.columns]] = 0.0
+    sums = _sums_above(above, sources, grid, own)
+    runs = new_runs(CELLS_PER_REACH + 1)
+    most = _longest_buffer(rows, sources, grid) + DOUBLES
     work = np.zeros((RECORD, most)), np.zeros((3, most)), np.empty((3, most)), runs
-    ghost_work = _ghost_work(pairs.ghosts)
+    ghost_work = _ghost_work(pairs.ghosts, grid)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
             if first[cell] < first[cell + 1]:
-                _add_cell(cell, row, sources, pairs, work, sums)
+                _add_cell(cell, row, above, sources, pairs, work, sums)
                 _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_work, sums)
     return sums
+
+
+@kernel
+def add_above(sums: RowSums) -> None:
+    """Add a block's sums for the rows above it to those of their particles."""
+    for j in range(sums.above.shape[0]):
+        for k in range(3):
+            sums.own[sums.start + j, k] += sums.above[j, k]
 
 
 @kernel
@@ -336,5 +376,6 @@ def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) ->
     """
     sources, rank = sort_by_cell(place[0], place[1], axis[0], axis[1], pairs.grid)
     own = np.empty((rank.size, RECORD))
-    sum_rows((0, pairs.grid.rows), sources, pairs, own)
+    # All pairs are met; above the last row there is something where y is periodic.
+    add_above(sum_rows((0, pairs.grid.rows), sources, pairs, own))
     add_sums(own, rank, pairs, force)

@@ -19,7 +19,13 @@ from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import chunk_ranges, for_each
 from ellipsoid_coupling.compiled.tuning import CLOUD_TASKS, PARTICLES_PER_TASK
 from ellipsoid_coupling.interaction.pairs.cells import RECORD, CellGrid, Sources, sort_into
-from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, RowSums, add_sums, sum_rows
+from ellipsoid_coupling.interaction.pairs.pair_sum import (
+    Pairs,
+    RowSums,
+    add_above,
+    add_sums,
+    sum_rows,
+)
 from ellipsoid_coupling.interaction.particle_forces import (
     Drift,
     own_forces,
@@ -102,7 +108,7 @@ class PairSum:
         # In the order of the blocks, whichever thread was first.
         for sums in above:
             if sums is not None:
-                own[sums.end : sums.end + sums.above.shape[0]] += sums.above
+                add_above(sums)
         for_each(len(self._parts), lambda k: _add_part(own, rank, pairs, force, self._parts[k]))
 
 
@@ -113,15 +119,17 @@ def _tasks(number: int) -> int:
 def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
     """Rows of cells at which blocks of about as many particles begin; the end is the last one.
 
-    A block has two rows at least, so that what it adds to the rows above it belongs to the next one.
+    A block has two rows at least, so that what it adds to the rows above it belongs to the next one. The
+    last block may have one, unless rows above it are the first ones.
     """
     until = sources.first[:: grid.columns]
+    last = grid.rows - (2 if grid.period_y > 0.0 else 1)
     number = int(until[-1])
     # Row numbers at which the running count of particles passes even parts of all.
     wanted = np.arange(1, _tasks(number)) * (number / _tasks(number))
     cuts = [0]
     for row in np.searchsorted(until, wanted):
-        if row >= cuts[-1] + 2 and row < grid.rows:
+        if row >= cuts[-1] + 2 and row <= last:
             cuts.append(int(row))
     return [*cuts, grid.rows]
 

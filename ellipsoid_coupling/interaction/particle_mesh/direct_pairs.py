@@ -17,6 +17,7 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
     S2,
     CellGrid,
+    Interval,
     Sources,
     X,
     Y,
@@ -26,8 +27,6 @@ from ellipsoid_coupling.interaction.pairs.cells import (
 )
 from ellipsoid_coupling.interaction.pairs.pair_sum import scratch, sum_over_sources
 from ellipsoid_coupling.physics.potential import PotentialShape
-
-Interval = tuple[float, float]
 
 
 class SamplePairs:
@@ -40,6 +39,8 @@ class SamplePairs:
     shape : PotentialShape
     strength : float
         eps0.
+    periods : (bool, bool)
+        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -52,9 +53,14 @@ class SamplePairs:
     nodes_per_width = 0.0
 
     def __init__(
-        self, x_range: Interval, y_range: Interval, shape: PotentialShape, strength: float
+        self,
+        x_range: Interval,
+        y_range: Interval,
+        shape: PotentialShape,
+        strength: float,
+        periods: tuple[bool, bool] = (False, False),
     ) -> None:
-        self._grid = cell_grid(x_range, y_range, shape.reach)
+        self._grid = cell_grid(x_range, y_range, shape.reach, periods)
         self._shape, self._strength = shape, strength
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
@@ -88,12 +94,12 @@ def _sum_row(
     begin = row * grid.columns
     if own.first[begin] == own.first[begin + grid.columns]:
         return
-    buffer, given = scratch(own)
+    buffer, given, runs = scratch(own, grid)
     for column in range(grid.columns):
         cell = begin + column
         if own.first[cell] == own.first[cell + 1]:
             continue
-        count = gather(own, column, row, grid, buffer)
+        count = gather(own, column, row, grid, runs, buffer)
         for t in range(own.first[cell], own.first[cell + 1]):
             here = own.records[t]
             target = (here[X], here[Y], here[C2], here[S2])

@@ -53,6 +53,12 @@ from ellipsoid_coupling.interaction.convolution.fft_lengths import FittedSpectra
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import POTENTIAL, AngularKernel
 from ellipsoid_coupling.interaction.convolution.spectra import Real, precision_for
 from ellipsoid_coupling.interaction.grid_forces import Array
+from ellipsoid_coupling.interaction.pairs.cells import Interval
+from ellipsoid_coupling.interaction.particle_mesh.folding import (
+    Folding,
+    Periods,
+    fitting_spacing,
+)
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     MOST_ENTRIES,
     MOST_HARMONICS,
@@ -70,8 +76,6 @@ from ellipsoid_coupling.interaction.particle_mesh.splines import (
 )
 from ellipsoid_coupling.interaction.rho_grid import Convolution
 from ellipsoid_coupling.physics.potential import PotentialShape
-
-Interval = tuple[float, float]
 
 # The spline's basis function decays by 0.27 a node: images this many nodes further are not felt, to 1e-7.
 _TAIL = 12
@@ -95,6 +99,8 @@ class SampleInteraction:
         Of force and torque, see above.
     most : int
         So many harmonics may be taken.
+    periods : (bool, bool)
+        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -110,7 +116,8 @@ class SampleInteraction:
     Raises
     ------
     InputError
-        If the tolerance takes more than 60 harmonics, or spectra of more than 5e8 numbers.
+        If the tolerance takes more than 60 harmonics, or spectra of more than 5e8 numbers; if no
+        spacing of nodes divides both periods.
     """
 
     def __init__(
@@ -122,9 +129,10 @@ class SampleInteraction:
         strength: float,
         tolerance: float,
         most: int = MOST_HARMONICS,
+        periods: Periods = (False, False),
     ) -> None:
-        self.nodes_per_width = nodes_per_width(shape, width, tolerance)
-        h = width / self.nodes_per_width
+        h = _spacing(x_range, y_range, width / nodes_per_width(shape, width, tolerance), periods)
+        self.nodes_per_width = width / h
         area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0])
         # Bounded before the series is searched: a long search takes minutes.
         most = min(most, most_harmonics(area / h**2, shape.reach / h))
@@ -137,8 +145,8 @@ class SampleInteraction:
         self.precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
         kernel = AngularKernel(series, strength / h**2, self.precision, POTENTIAL, _undo_splines)
-        cells = self.nodes.rows, self.nodes.columns
-        spectra = FittedSpectra(cells, kernel.cells + _TAIL, kernel)
+        self._folding = Folding((self.nodes.rows, self.nodes.columns), periods)
+        spectra = FittedSpectra(self._folding.own, kernel.cells + _TAIL, kernel, periods)
         rows, columns = spectra.longest
         bytes_each = np.dtype(self.precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
@@ -164,16 +172,21 @@ class SampleInteraction:
         functions = 2 * self.harmonics + 1
         # Masses 1/S of all samples, also of those that left the rectangle.
         sources = deposit(here, nodes, functions, 1.0 / slots.size, pool)
-        shape = *here.extent, round_up_to_vectors(functions)
+        folding = self._folding
+        shape = *folding.extent(here.extent), round_up_to_vectors(functions)
         potential: Real = pool.array("potential", shape, self.precision)
+        sources = folding.fold(sources, here.corner, pool)
+        columns = sources.shape[2]
 
         def take(part: slice, fields: Real) -> None:
             # Functions become the last axis: `interpolate` sums over them in vectors.
-            potential[part, :, :functions] = fields[0, :, :, : shape[1]].transpose(1, 2, 0)
-            potential[part, :, functions:] = 0.0
+            potential[part, :columns, :functions] = fields[0, :, :, :columns].transpose(1, 2, 0)
+            potential[part, :columns, functions:] = 0.0
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self.precision), take)
-        found = interpolate(here.samples, nodes, here.corner, potential, functions, pool)
+        folding.unfold(potential)
+        corner = folding.corner(here.corner)
+        found = interpolate(here.samples, nodes, corner, potential, functions, pool)
         add_to(force, found, weights, slots)
 
 
@@ -185,6 +198,26 @@ def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:
             f"{tolerance} for a shape factor of {shape.shape_factor:.3g}",
             'Raise numerics.harmonics_tolerance, or set numerics.interaction = "direct".',
         )
+
+
+def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -> float:
+    """The nodes' spacing, up to `h`.
+
+    Raises
+    ------
+    InputError
+        If none divides both periods.
+    """
+    width, height = x_range[1] - x_range[0], y_range[1] - y_range[0]
+    found = fitting_spacing(width, height, h, periods)
+    if found is None:
+        raise InputError(
+            "interaction of samples by harmonics",
+            "periods with a common divisor, for nodes of one spacing along both",
+            f"{width:g} and {height:g}",
+            'Change domain, or set numerics.interaction = "direct".',
+        )
+    return found
 
 
 def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:

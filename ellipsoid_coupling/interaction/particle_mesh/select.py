@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import in_words, memory_limit
-from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import Interval, SamplePairs
+from ellipsoid_coupling.geometry.boundaries import periodic_axes
+from ellipsoid_coupling.interaction.pairs.cells import Interval
+from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     most_harmonics,
@@ -44,6 +46,8 @@ class Samples(NamedTuple):
     tolerance : float
         `numerics.harmonics_tolerance`; see `forces` for the bounds that hold.
     method : "auto", "direct" or "harmonics"
+    periods : (bool, bool)
+        Whether y and x are periodic.
     """
 
     x_range: Interval
@@ -55,6 +59,7 @@ class Samples(NamedTuple):
     number: int
     tolerance: float
     method: Method = "auto"
+    periods: tuple[bool, bool] = (False, False)
 
 
 def scene_samples(scene: Scene, number: int) -> Samples | None:
@@ -77,6 +82,7 @@ def scene_samples(scene: Scene, number: int) -> Samples | None:
         number,
         scene.numerics.harmonics_tolerance,
         scene.numerics.interaction,
+        periodic_axes(scene),
     )
 
 
@@ -124,13 +130,15 @@ def choose_samples(samples: Samples) -> SampleInteraction | SamplePairs:
         For "harmonics" where they cannot reach the tolerance; where their spectra, of a cloud all
         over the rectangle, would not fit into the machine.
     """
-    x_range, y_range, _, shape, width, strength, _, tolerance, method = samples
-    pairs = SamplePairs(x_range, y_range, shape, strength)
+    x_range, y_range, _, shape, width, strength, _, tolerance, method, periods = samples
+    pairs = SamplePairs(x_range, y_range, shape, strength, periods)
     most = affordable_harmonics(samples)
     if most < 0 and method != "harmonics":
         return pairs
     try:
-        found = SampleInteraction(x_range, y_range, shape, width, strength, tolerance, most)
+        found = SampleInteraction(
+            x_range, y_range, shape, width, strength, tolerance, most, periods
+        )
     except InputError:
         if method == "harmonics":
             raise

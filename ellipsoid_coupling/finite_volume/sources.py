@@ -293,7 +293,6 @@ def _treat_block(
         drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
         angular, plane_angle = force.terms.angular, FULL_TURN * a / planes
         evaluation = angles, plane_angle, drive, angular, force.vacuum
-        # A pass that kicks nothing has the change of no time.
         if work.limits:
             _evaluate_kick_and_raise_row(
                 width, evaluation, moving, drift, work.change, further, limit, peaks
@@ -363,6 +362,10 @@ def treat(cells: Cells, force: Acceleration | None, work: Work, limit: Limit) ->
     (peaks,) float64
         What the new velocities reach at most, for `limit.allowed`; 0 unless `work.limits`.
     """
+    if not work.kicks:
+        # One loop for passes that kick and that do not: v becomes v.
+        ones = fill(1.0, work.change.decay)
+        work = work._replace(change=Kick(ones, fill(0.0, ones)))
     lines = cells.extents.shape[0] * cells.extents.shape[1]
     largest = np.zeros((min(-(-lines // _LEAST_ROWS), _TASKS), len(limit.peaks)))
     with single_task_chunks():

@@ -276,7 +276,7 @@ def test_shared_blocks_have_the_bits_of_blocks_one_by_one(
     scene = scene_with(particles=particles(50), noise=noise, **settings)
     found = []
     for least in (0, 10**6):
-        monkeypatch.setattr("ellipsoid_coupling.particles.blocks._LEAST_SAMPLES", least)
+        monkeypatch.setattr("ellipsoid_coupling.particles.shared_clock.FEW_SAMPLES", least)
         model = model_of("mckean_vlasov", scene, scheme, realisations=5)
         model.advance(1.0)
         found.append(model.state())

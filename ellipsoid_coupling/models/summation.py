@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ellipsoid_coupling.finite_volume.grid import scene_grid
+from ellipsoid_coupling.geometry.boundaries import periodic_axes
 from ellipsoid_coupling.interaction.convolution.spectra import Precision, precision_for
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
@@ -49,6 +50,7 @@ def on_r_grid(scene: Scene) -> str:
         scene.interaction.strength,
         tolerance=numerics.harmonics_tolerance,
         method=numerics.interaction,
+        periods=periodic_axes(scene),
     )
     if not isinstance(chosen, HarmonicInteraction):
         return "pair by pair of cells, to rounding"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.finite_volume.cell_forces import MeanAngleForces
 from ellipsoid_coupling.flow import analytic_flow
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction
@@ -55,16 +56,19 @@ def test_plan_and_run_make_the_same_choice(name: str, settings: Settings) -> Non
     scene = load_scene(name, settings | {"particles.realisations": 2})
     flow = analytic_flow(name)
 
-    def built(model: str) -> object:
+    def built(model: str, holder: str) -> object:
+        """What the attribute `holder` of the built model holds."""
         setup = Setup(scene, model_terms(scene, model), "accurate", flow, 0, 2)
-        return vars(build_model(model, setup))["_interaction"]
+        return vars(build_model(model, setup))[holder]
 
-    rho, plan = built("rho_mono_kinetic"), reason(scene, "rho_mono_kinetic")
+    forces, plan = built("rho_mono_kinetic", "_forces"), reason(scene, "rho_mono_kinetic")
+    assert isinstance(forces, MeanAngleForces)
+    rho = forces.interaction
     assert ("harmonics" in plan) == isinstance(rho, HarmonicInteraction)
     if isinstance(rho, HarmonicInteraction):
         assert f"{rho.series.harmonics} harmonics" in plan
         assert ("single" in plan) == (rho.precision is np.float32)
-    samples, plan = built("mckean_vlasov"), reason(scene, "mckean_vlasov")
+    samples, plan = built("mckean_vlasov", "_interaction"), reason(scene, "mckean_vlasov")
     assert ("pair by pair" in plan) == isinstance(samples, SamplePairs)
 
 

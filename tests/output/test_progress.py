@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -78,7 +79,8 @@ def test_a_signal_that_waits_for_the_step_in_hand_is_told(clock: Clock, lines: L
         clock.now += 2.0
         report.beat()
         (line,) = lines()
-        assert line.startswith("stopping for SIGTERM after this step: run: compiling, 0 kernels")
+        # As many as tests before this one have compiled in this process.
+        assert re.match(r"stopping for SIGTERM after this step: run: compiling, \d+ kernels", line)
         announce(None)
         os.kill(os.getpid(), signal.SIGINT)
         clock.now += 2.0

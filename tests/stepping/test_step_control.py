@@ -131,7 +131,7 @@ def test_the_log_tells_the_limits_in_order() -> None:
     toy = Toy(lambda _t: 0.25)
     advance_by_limits(toy, 1.0, 100)
     toy.clock[0, FIRST_COUNT + ROTATION_LIMIT] += 1.0
-    assert step_log(toy.clock)["step_limits"] == "CFL_LIMIT number 80 %, rotation 20 %"
+    assert step_log(toy.clock)["step_limits"] == "CFL number 80 %, rotation 20 %"
 
 
 @pytest.mark.parametrize(("allowed", "status"), [(1e-14, STEP_TOO_SMALL), (0.0, NOT_FINITE)])

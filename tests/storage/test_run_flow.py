@@ -15,7 +15,7 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, Wanted, provide
-from ellipsoid_coupling.flow.openfoam import programs, solve
+from ellipsoid_coupling.flow.openfoam import programs, solve, solved_cases
 from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.simulation import scene_flow
 from ellipsoid_coupling.storage.run_flow import load_runs, run_flow
@@ -41,7 +41,7 @@ def no_solver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
     for module, name in (
         (provide, "solve_case"), (solve, "run_program"), (programs, "openfoam_version"),
-        (solve, "openfoam_version"),
+        (solved_cases, "openfoam_version"),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, refuse)
     monkeypatch.setattr(provide, "openfoam_available", lambda: True)

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import threading
 import zipfile
@@ -363,23 +364,22 @@ def test_a_checkpoint_removed_in_mid_run_is_not_missed(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="changes its user, which only root may")
-def test_a_folder_without_permission_is_refused_at_once(tmp_path: Path) -> None:
-    closed = tmp_path / "closed"
-    closed.mkdir()
-    code = f"""
-        import os
-        import ellipsoid_coupling.storage.run_folder as module
-        from pathlib import Path
-        os.seteuid(65534)
-        try:
-            module.RunFolder(Path({str(closed)!r}) / "run").check()
-        except module.InputError as error:
-            print(error)
-    """
-    for folder in (tmp_path, *tmp_path.parents[:2]):
-        folder.chmod(0o755)
-    command = [sys.executable, "-c", textwrap.dedent(code)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+def test_a_folder_without_permission_is_refused_at_once() -> None:
+    # Its own folder: pytest's lie below folders that only their owner may enter.
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        code = f"""
+            import os
+            import ellipsoid_coupling.storage.run_folder as module
+            from pathlib import Path
+            os.seteuid(65534)
+            try:
+                module.RunFolder(Path({name!r}) / "run").check()
+            except module.InputError as error:
+                print(error)
+        """
+        command = [sys.executable, "-c", textwrap.dedent(code)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "expected a folder that can be written" in done.stdout
 
 

@@ -19,7 +19,7 @@ from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
-from ellipsoid_coupling.geometry.boundaries import Open, everywhere
+from ellipsoid_coupling.geometry.boundaries import Remove, everywhere
 from ellipsoid_coupling.geometry.ghost_table import ghost_table
 from ellipsoid_coupling.interaction.grid_forces import half_widths
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
@@ -49,7 +49,7 @@ def sweep_rate(flux: Flux, cells: int, angles: int, repeats: int) -> float:
     """10^6 cell updates a second, the mean of the three directions, as the scheme `paper` takes them."""
     fields = smooth_fields(cells, angles)
     extents = q_grid.occupied_extents(fields)
-    table = ghost_table(everywhere(Open()), (cells, cells), GHOSTS)
+    table = ghost_table(everywhere(Remove()), (cells, cells), GHOSTS)
 
     def sweeps() -> None:
         transport_in_plane(flux, fields, Move(True, 1e-3, 0.0), extents, table)

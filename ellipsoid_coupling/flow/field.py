@@ -28,7 +28,8 @@ from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.rows import element
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import whole_file
-from ellipsoid_coupling.flow.saved import read_saved
+from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.flow.saved import outline_arrays, read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
 
 Array = NDArray[np.float64]
@@ -174,10 +175,12 @@ class FlowField:
 
     arrays : what compiled kernels take, see `FlowArrays` and `sample_flow`
     origin : where the flow came from, one line
+    outline : where the fluid ends, patch by patch; None where nothing is known of that
     """
 
     arrays: FlowArrays
     origin: str
+    outline: Outline | None = None
 
     @classmethod
     def from_stream_function(
@@ -188,6 +191,7 @@ class FlowField:
         origin: str,
         wall_velocity: WallVelocity | None = None,
         inside: NDArray[np.bool_] | None = None,
+        outline: Outline | None = None,
     ) -> FlowField:
         """The spline through psi at the nodes, with the walls' tangential velocity as end slopes.
 
@@ -199,6 +203,7 @@ class FlowField:
         wall_velocity : tangential velocity at the four sides' nodes; missing ones (None or
             NaN) follow from psi by one-sided differences
         inside : (ny, nx), the cells that lie in the flow; all of them by default
+        outline : where the fluid ends
         """
         nx, ny = x.size - 1, y.size - 1
         width, height = float(x[-1] - x[0]), float(y[-1] - y[0])
@@ -214,7 +219,7 @@ class FlowField:
             float(x[0]) - RIM * width, float(x[-1]) + RIM * width,
             float(y[0]) - RIM * height, float(y[-1]) + RIM * height, cells.astype(np.uint8),
         )  # fmt: skip
-        return cls(arrays, origin)
+        return cls(arrays, origin, outline)
 
     @functools.cached_property
     def digest(self) -> str:
@@ -222,6 +227,10 @@ class FlowField:
         digest = hashlib.sha256()
         for part in self.arrays:
             digest.update(np.ascontiguousarray(part).tobytes())
+        if self.outline is not None:
+            for numbers in self.outline[:3]:
+                digest.update(np.ascontiguousarray(numbers).tobytes())
+            digest.update(repr(self.outline[3:]).encode())
         return digest.hexdigest()[:16]
 
     @property
@@ -264,14 +273,18 @@ class FlowField:
 
     def save(self, path: Path) -> None:
         """Write an .npz that `load` reads; a kill at any moment leaves the old file or the new."""
-        numbers = np.array(self.arrays[1:9])
+        arrays = {
+            "coefficients": self.arrays.coefficients,
+            "numbers": np.array(self.arrays[1:9]),
+            "mask": self.arrays.mask,
+            "origin": np.array(self.origin),
+            **({} if self.outline is None else outline_arrays(self.outline)),
+        }
         with whole_file(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
                 file,
-                coefficients=self.arrays.coefficients,
-                numbers=numbers,
-                mask=self.arrays.mask,
-                origin=np.array(self.origin),
+                allow_pickle=False,
+                **arrays,
             )
 
     @classmethod
@@ -281,5 +294,7 @@ class FlowField:
         x0, y0, gx, gy, x_low, x_high, y_low, y_high = saved.numbers
         limits = (x_low, x_high, y_low, y_high)
         return cls(
-            FlowArrays(saved.coefficients, x0, y0, gx, gy, *limits, saved.mask), saved.origin
+            FlowArrays(saved.coefficients, x0, y0, gx, gy, *limits, saved.mask),
+            saved.origin,
+            saved.outline,
         )

@@ -9,23 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, readable
-from ellipsoid_coupling.files.limits import LARGEST_NUMBER, MOST_FLOW_ARRAYS, MOST_FLOW_BYTES
-from ellipsoid_coupling.files.reading import read_arrays
+from ellipsoid_coupling.files.limits import (
+    LARGEST_NUMBER,
+    MOST_FLOW_ARRAYS,
+    MOST_FLOW_BYTES,
+    MOST_PATCHES,
+)
+from ellipsoid_coupling.files.reading import Arrays, read_arrays
+from ellipsoid_coupling.flow.outline import Outline
 
 EXPECTED = "a flow saved by FlowField.save"
 _REMEDY = "Name a saved flow (.npz) or a solved OpenFOAM case folder."
 _KINDS = {"coefficients": "<f8", "mask": "|u1", "numbers": "<f8"}
+_OUTLINE_KINDS = {"outline_ends": "<f8", "outline_patch": "<i8", "outline_outflow": "<f8"}
+_OUTLINE_TEXTS = ("outline_names", "outline_types")
 # Limits are the nodes' rectangle up to its rim.
 _SAME_PLACE = 1e-6
 
 
 class SavedFlow(NamedTuple):
-    """coefficients (ny+3, nx+3); mask (ny, nx); x0, y0, cells per length and limits (8,); origin."""
+    """coefficients (ny+3, nx+3); mask (ny, nx); x0, y0, cells per length, limits (8,); and texts."""
 
     coefficients: NDArray[np.float64]
     mask: NDArray[np.uint8]
     numbers: list[float]
     origin: str
+    outline: Outline | None
 
 
 def read_saved(path: Path) -> SavedFlow:
@@ -53,7 +62,45 @@ def read_saved(path: Path) -> SavedFlow:
         origin = readable(str(file["origin"]))
     except ValueError as error:
         raise InputError(f"{path}, origin", "one line of text", str(error), _REMEDY) from None
-    return SavedFlow(coefficients, mask, numbers.tolist(), origin)
+    return SavedFlow(coefficients, mask, numbers.tolist(), origin, _outline(path, file))
+
+
+def outline_arrays(outline: Outline) -> Arrays:
+    """An outline as the arrays of an .npz."""
+    texts = (np.array(text, dtype=np.str_) for text in outline[3:])
+    numbers = dict(zip(_OUTLINE_KINDS, outline[:3], strict=True))
+    return {**numbers, **dict(zip(_OUTLINE_TEXTS, texts, strict=True))}
+
+
+def _outline(path: Path, file: Arrays) -> Outline | None:
+    """The outline in a file's arrays, checked; None where the file has none."""
+    given = [name for name in (*_OUTLINE_KINDS, *_OUTLINE_TEXTS) if name in file]
+    if not given:
+        return None
+    expected = "an outline: ends (E, 2, 2), patch (E,), outflow (E,), names and types of patches"
+    kinds = {name: file[name].dtype.str for name in given}
+    texts = [kinds.pop(name, "") for name in _OUTLINE_TEXTS]
+    if kinds != _OUTLINE_KINDS or not all(text.startswith("<U") for text in texts):
+        raise InputError(f"{path}, outline", expected, "others", _REMEDY)
+    ends, patch, outflow, names, types = (file[name] for name in given)
+    edges = len(patch) if patch.ndim == 1 else -1
+    shapes = ends.shape == (edges, 2, 2), outflow.shape == (edges,), names.ndim == 1
+    if not all(shapes) or names.shape != types.shape or not 0 < names.size <= MOST_PATCHES:
+        raise InputError(f"{path}, outline", expected, "arrays of other shapes", _REMEDY)
+    numbers = np.concatenate((ends.ravel(), outflow))
+    if (
+        not np.all(np.abs(numbers) <= LARGEST_NUMBER)
+        or patch.min() < 0
+        or patch.max() >= names.size
+    ):
+        raise InputError(f"{path}, outline", "finite numbers", "NaN, huge or no patch's", _REMEDY)
+    if not np.all(np.any(ends[:, 0] != ends[:, 1], axis=1)):
+        raise InputError(f"{path}, outline", "edges with a length", "one without", _REMEDY)
+    words = [tuple(str(word) for word in text) for text in (names, types)]
+    for word in (*words[0], *words[1]):
+        if readable(word) != word:
+            raise InputError(f"{path}, outline", "names of patches", readable(word), _REMEDY)
+    return Outline(ends, patch, outflow, words[0], words[1])
 
 
 def _fits(numbers: NDArray[np.float64], ny: int, nx: int) -> bool:

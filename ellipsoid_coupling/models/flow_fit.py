@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.patches import require_patches
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SideName
 
@@ -54,7 +55,7 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
 
 
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
-    """Refuse a flow without [flow], [flow] without a flow, walls where the flow has none, and jumps.
+    """Refuse a flow without [flow], [flow] without a flow, names of no patch, and walls that are none.
 
     Raises
     ------
@@ -65,6 +66,8 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
         expected = "a flow for its [flow] section" if flow is None else "no flow"
         remedy = "Give the scene's flow." if flow is None else "Leave out the flow."
         raise InputError(f"scene {scene.name}", expected, found, remedy)
+    outline = None if flow is None else flow.outline
+    require_patches(scene, () if outline is None else outline.names)
     if flow is None:
         return
     _require_periodic(scene, flow)

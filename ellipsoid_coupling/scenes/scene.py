@@ -18,11 +18,20 @@ from ellipsoid_coupling.files.limits import (
     LEAST_HARMONICS_TOLERANCE,
     LEAST_TOLERANCE,
     MOST_ANGLE_CELLS,
+    MOST_PATCHES,
     MOST_SEED,
     SMALLEST_STEP,
 )
 from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS, Record
-from ellipsoid_coupling.scenes.sides import OPPOSITE, SIDES, AtSide, SideName, keys_of, known_kinds
+from ellipsoid_coupling.scenes.sides import (
+    OPPOSITE,
+    SHORT_FORMS,
+    SIDES,
+    AtSide,
+    SideName,
+    keys_of,
+    known_kinds,
+)
 from ellipsoid_coupling.scenes.values import (
     Count,
     Interval,
@@ -70,7 +79,7 @@ class Domain(Part):
 
 
 class BoundaryPart(Part):
-    """One side of the domain: its kind, and the kind's parameters, numbers by name."""
+    """One boundary: its kind, and the kind's parameters, numbers by name."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Number] = Field(init=False)
@@ -103,15 +112,6 @@ class BoundaryPart(Part):
     def particles(self) -> AtSide:
         """What a particle does there."""
         return keys_of(self.kind).particles
-
-
-class Boundaries(Part):
-    """The sides that differ from `domain.boundary`."""
-
-    left: BoundaryPart | None = None
-    right: BoundaryPart | None = None
-    bottom: BoundaryPart | None = None
-    top: BoundaryPart | None = None
 
 
 class Particles(Part):
@@ -282,7 +282,7 @@ class Scene(Part):
     particles: Particles
     start: Start
     numerics: Numerics
-    boundaries: Boundaries | None = None
+    boundaries: Annotated[dict[Line, BoundaryPart], Field(max_length=MOST_PATCHES)] | None = None
     flow: Flow | None = None
     interaction: InteractionPart | None = None
     walls: WallsPart | None = None
@@ -330,9 +330,14 @@ class Scene(Part):
     @property
     def sides(self) -> dict[SideName, BoundaryPart]:
         """What happens at each side of the domain: left, right, bottom, top."""
-        named = {name: getattr(self.boundaries, name, None) for name in SIDES}
-        short = BoundaryPart(kind=self.domain.boundary)
-        return {name: part or short for name, part in named.items()}
+        named = self.boundaries or {}
+        short = BoundaryPart(kind=SHORT_FORMS[self.domain.boundary])
+        return {name: named.get(name, short) for name in SIDES}
+
+    @property
+    def named_patches(self) -> dict[str, BoundaryPart]:
+        """The boundaries that are no sides of the domain, so must be patches of the flow's case."""
+        return {name: part for name, part in (self.boundaries or {}).items() if name not in SIDES}
 
     @property
     def has_inflow(self) -> bool:

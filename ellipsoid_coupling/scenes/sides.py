@@ -1,7 +1,8 @@
-"""The sides of the domain as scene files name them: the kinds that there are, and their keys.
+"""Boundaries as scene files name them: the kinds that there are, and their keys.
 
-    [boundaries.left]        kind is a name that `declare_kind` has made known; every other key is a
-    kind = "reflecting"      parameter of that kind, a number
+    [boundaries.NAME]        NAME is a side of the domain, or a patch of the flow's case;
+    kind = "reflect"         kind is a name that `declare_kind` has made known; every other key is a
+                             parameter of that kind, a number
 
 What a kind does to cells and particles stands in `geometry.boundaries`, one file a kind.
 """
@@ -19,8 +20,10 @@ OPPOSITE: dict[SideName, SideName] = {
     "top": "bottom",
 }
 
-# What a particle does that reaches a side: it turns round, it is gone, it comes in on the other side.
+# What a particle does that reaches a boundary: it turns round, it is gone, it comes in on the other side.
 AtSide = Literal["reflect", "leave", "wrap"]
+# What domain.boundary, the short form for all sides, stands for.
+SHORT_FORMS = {"reflecting": "reflect", "open": "remove", "periodic": "periodic"}
 
 
 class KindKeys(NamedTuple):
@@ -43,9 +46,10 @@ class KindKeys(NamedTuple):
 
 
 _KINDS = {
-    "open": KindKeys("leave"),
     "periodic": KindKeys("wrap"),
-    "reflecting": KindKeys("reflect"),
+    "reflect": KindKeys("reflect"),
+    "remove": KindKeys("leave"),
+    "stick": KindKeys("leave"),
 }
 
 

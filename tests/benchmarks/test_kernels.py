@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.q_grid import inside, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport
-from ellipsoid_coupling.geometry.boundaries import Reflecting
+from ellipsoid_coupling.geometry.boundaries import Reflect
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
@@ -69,7 +69,7 @@ def test_sweep(benchmark: Benchmark, flux: Any, axis: int) -> None:
     inside(fields)[0] = 1.0 + np.random.default_rng(4).random((30, 60, 60))
     inside(fields)[1:] = 0.1
     before = inside(fields).copy()
-    extents, table = occupied_extents(fields), ghosts_of(fields, Reflecting())
+    extents, table = occupied_extents(fields), ghosts_of(fields, Reflect())
     benchmark(transport, flux, fields, axis, 0.1, extents, table, 0.0)
     check(fields)
     assert np.all(inside(fields)[0] != before[0])

@@ -17,9 +17,9 @@ from ellipsoid_coupling.finite_volume.strips import Plane, strips_of, whole_plan
 from ellipsoid_coupling.finite_volume.sweep import Runs
 from ellipsoid_coupling.geometry.boundaries import (
     Boundaries,
-    Open,
     Periodic,
-    Reflecting,
+    Reflect,
+    Remove,
     everywhere,
 )
 from tests.finite_volume.whole import fill, ghosts_of, sweep
@@ -28,9 +28,9 @@ Floats = NDArray[np.float64]
 
 FLUXES = pytest.mark.parametrize("flux", [Ballistic((0.05, *(0.1,) * 3)), Force(0.0), Force(1.0)])
 ORDERS = pytest.mark.parametrize("x_first", [True, False])
-MIXED = Boundaries(Periodic(), Periodic(), Reflecting(), Open())
+MIXED = Boundaries(Periodic(), Periodic(), Reflect(), Remove())
 BOUNDARIES = pytest.mark.parametrize(
-    "kinds", [everywhere(Reflecting()), everywhere(Open()), everywhere(Periodic()), MIXED]
+    "kinds", [everywhere(Reflect()), everywhere(Remove()), everywhere(Periodic()), MIXED]
 )
 
 
@@ -132,7 +132,7 @@ def test_two_clouds_in_a_plane() -> None:
     for x_first in (True, False):
         moved, left = fields.copy(), np.zeros(1)
         extents = occupied_extents(moved)
-        flux, table = Ballistic((0.05, *(0.1,) * 3)), ghosts_of(moved, Open())
+        flux, table = Ballistic((0.05, *(0.1,) * 3)), ghosts_of(moved, Remove())
         transport_in_plane(flux, moved, Move(x_first, 0.4, 0.0), extents, table, left)
         # A fifth of each of six cells at the lower edge.
         assert left[0] == pytest.approx(6 * 0.2, rel=1e-13)
@@ -143,7 +143,7 @@ def test_no_mass_goes_nowhere() -> None:
     fields = np.zeros((4, 10, 9, 12))
     extents = occupied_extents(fields)
     after = transport_in_plane(
-        Force(0.0), fields, Move(True, 0.4, 0.0), extents, ghosts_of(fields, Open())
+        Force(0.0), fields, Move(True, 0.4, 0.0), extents, ghosts_of(fields, Remove())
     )
     assert not fields.any()
     np.testing.assert_array_equal(after, extents)
@@ -199,7 +199,7 @@ def test_walls_are_swept_like_mirrors(axis: int) -> None:
                 fields.reshape(4, -1),
                 *whole,
                 Move(x_first, 0.4, 0.0),
-                ghosts_of(fields, Reflecting()),
+                ghosts_of(fields, Reflect()),
             )
         half = np.split(double[:, 2:-2, 2:-2], 2, axis=axis)[1]
         np.testing.assert_allclose(single[:, 2:-2, 2:-2], half, atol=1e-15)

@@ -24,7 +24,7 @@ from ellipsoid_coupling.finite_volume.q_grid import (
     start_angles,
 )
 from ellipsoid_coupling.finite_volume.q_transport import column_runs, transport
-from ellipsoid_coupling.geometry.boundaries import Open
+from ellipsoid_coupling.geometry.boundaries import Remove
 from tests.finite_volume.whole import fill, ghosts_of, sweep
 
 Floats = NDArray[np.float64]
@@ -128,11 +128,11 @@ def test_transport_in_the_window_is_the_whole_sweep(
     whole = fields.copy()
     extents = occupied_extents(fields)
     for _ in range(3):
-        extents = transport(flux, fields, axis, 0.4, extents, ghosts_of(fields, Open()), 0.0)
+        extents = transport(flux, fields, axis, 0.4, extents, ghosts_of(fields, Remove()), 0.0)
         if axis == -3:
             fill_periodic(whole, 1)
         else:
-            fill(whole, axis, Open())
+            fill(whole, axis, Remove())
         sweep(flux, whole, axis, NORMAL[axis], 0.4)
         np.testing.assert_array_equal(inside(fields), inside(whole))
 
@@ -147,7 +147,7 @@ def test_long_rows_go_round_piece_by_piece(flux: Any) -> None:
     whole = fields.copy()
     fill_periodic(whole, 1)
     sweep(flux, whole, -3, 3, 0.4)
-    transport(flux, fields, -3, 0.4, occupied_extents(fields), ghosts_of(fields, Open()), 0.0)
+    transport(flux, fields, -3, 0.4, occupied_extents(fields), ghosts_of(fields, Remove()), 0.0)
     np.testing.assert_array_equal(inside(fields), inside(whole))
 
 
@@ -173,7 +173,7 @@ def test_short_rings(flux: Any, angles: int) -> None:
         fill_periodic(twin, 1)
         sweep(here, twin, -3, 3, 0.3)
         fields[:, :2] = fields[:, -2:] = np.nan
-        transport(here, fields, -3, 0.3, occupied_extents(fields), ghosts_of(fields, Open()), 0.0)
+        transport(here, fields, -3, 0.3, occupied_extents(fields), ghosts_of(fields, Remove()), 0.0)
         np.testing.assert_array_equal(inside(fields), inside(twin))
 
 
@@ -207,7 +207,7 @@ def test_mass_goes_round_the_angle_and_is_kept(flux: Any) -> None:
     extents = occupied_extents(fields)
     ratio = 1.0 if isinstance(flux, Ballistic) else 0.2
     for _ in range(15):
-        extents = transport(flux, fields, -3, ratio, extents, ghosts_of(fields, Open()), 0.0)
+        extents = transport(flux, fields, -3, ratio, extents, ghosts_of(fields, Remove()), 0.0)
     assert inside(fields)[Q].sum() == pytest.approx(before, rel=1e-13)
     if isinstance(flux, Ballistic):
         from_start = (np.arange(12) - 0.5 + 6.0) % 12 - 6.0

@@ -23,7 +23,7 @@ from ellipsoid_coupling.finite_volume.kick import dampings, exact_kick
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, inside, occupied_extents
 from ellipsoid_coupling.finite_volume.sources import Acceleration, Cells, Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit
-from ellipsoid_coupling.geometry.boundaries import Reflecting
+from ellipsoid_coupling.geometry.boundaries import Reflect
 from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.angular import Sine
 from tests.finite_volume.whole import fill
@@ -202,7 +202,7 @@ def test_the_density_ahead_loses_what_flows_out(components: int) -> None:
         if axis == -3:
             fill_periodic(fields, 1)
         else:
-            fill(fields, axis, Reflecting())
+            fill(fields, axis, Reflect())
         momentum = fields[NORMAL[axis]]
         high, low = np.roll(momentum, -1, axis), np.roll(momentum, 1, axis)
         expected -= factor * inside(high - low)

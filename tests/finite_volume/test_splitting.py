@@ -14,7 +14,7 @@ from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, RGrid
 from ellipsoid_coupling.finite_volume.splitting import Godunov, KickDriftKick, Stepper
 from ellipsoid_coupling.finite_volume.system import Source, System, q_system, rho_system
-from ellipsoid_coupling.geometry.boundaries import Open, everywhere
+from ellipsoid_coupling.geometry.boundaries import Remove, everywhere
 
 Floats = NDArray[np.float64]
 
@@ -31,7 +31,9 @@ def some_cells(grid: QGrid, system: System) -> CellFields:
     rng = np.random.default_rng(3)
     steady = rng.standard_normal((2, *PLANE.shape))
     terms = CellTerms(steady, None, None, 0.7, 0.0, 1.0, 1.0)
-    cells = CellFields(system, grid, terms, grid_ghosts(PLANE, everywhere(Open())), 0.9, no_forces)
+    cells = CellFields(
+        system, grid, terms, grid_ghosts(PLANE, everywhere(Remove())), 0.9, no_forces
+    )
     inner = cells.inside
     inner[0] = 1.0 + rng.random(inner[0].shape)
     inner[1:] = 0.3 * inner[0] * rng.standard_normal(inner[1:].shape)

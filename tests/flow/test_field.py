@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.interpolate import BSpline
 from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, sample_flow
+from ellipsoid_coupling.flow.outline import polygon_outline
 from tests.flow.known import Array, points, spline, velocity
 
 
@@ -152,6 +154,50 @@ def test_saved_is_loaded_bit_for_bit(tmp_path: Path) -> None:
     for one, other in zip(loaded.evaluate(*points(50)), field.evaluate(*points(50)), strict=True):
         np.testing.assert_array_equal(one, other)
     assert [path.name for path in tmp_path.iterdir()] == ["flow.npz"]
+
+
+def outlined() -> FlowField:
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    outline = polygon_outline(
+        [("w\u00e4nde", "wall", corners[:3], False), ("in", "patch", corners[2:], False)]
+    )
+    return replace(spline(8), outline=outline._replace(outflow=np.array([0.0, 0.5, -0.5])))
+
+
+def test_an_outline_is_saved_and_told_by_the_digest(tmp_path: Path) -> None:
+    field, plain_one = outlined(), spline(8)
+    field.save(tmp_path / "flow.npz")
+    loaded = FlowField.load(tmp_path / "flow.npz")
+    assert field.outline is not None
+    assert loaded.outline is not None
+    for before, after in zip(field.outline, loaded.outline, strict=True):
+        np.testing.assert_array_equal(before, after)
+    assert loaded.digest == field.digest != plain_one.digest
+    renamed = replace(field, outline=field.outline._replace(names=("w", "in")))
+    assert renamed.digest != field.digest
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("outline_ends", np.zeros((3, 2, 2))), ("outline_ends", np.ones((2, 2, 2))),
+        ("outline_patch", np.array([0, 1, 2])), ("outline_patch", np.array([0, 0, -1])),
+        ("outline_patch", np.array([0.0, 0.0, 1.0])), ("outline_outflow", np.array([0.0, np.nan, 1.0])),
+        ("outline_names", np.array(["a", "b\x1b[0m"])), ("outline_names", np.array([], "<U1")),
+        ("outline_types", np.array(["wall"])), ("outline_types", np.array([1, 2])), ("outline_types", None),
+    ],
+)  # fmt: skip
+def test_a_broken_outline_is_an_input_error(tmp_path: Path, name: str, value: Array | None) -> None:
+    outlined().save(tmp_path / "flow.npz")
+    with np.load(tmp_path / "flow.npz") as file:
+        arrays = dict(file)
+    if value is None:
+        arrays.pop(name)
+    else:
+        arrays[name] = value
+    np.savez(tmp_path / "flow.npz", **arrays)
+    with pytest.raises(InputError, match="outline"):
+        FlowField.load(tmp_path / "flow.npz")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a flow", b"PK\x03\x04 broken"])

@@ -8,10 +8,10 @@ import pytest
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.geometry.boundaries import (
     Boundaries,
-    Open,
     Periodic,
     Place,
-    Reflecting,
+    Reflect,
+    Remove,
     at_side,
     box_of_sides,
     everywhere,
@@ -37,7 +37,7 @@ from ellipsoid_coupling.scenes.sides import SIDES, keys_of, known_kinds
 SHAPE, LAYERS = (3, 6), 2
 
 
-@pytest.mark.parametrize("kind", [Reflecting(), Open(), Periodic()])
+@pytest.mark.parametrize("kind", [Reflect(), Remove(), Periodic()])
 def test_every_ghost_has_its_image(kind: object) -> None:
     """Numbers of cells, padded by numpy as a mirror or a ring, are what the table leads to."""
     padded = np.arange((SHAPE[0] + 4) * (SHAPE[1] + 4)).reshape(SHAPE[0] + 4, SHAPE[1] + 4)
@@ -58,7 +58,7 @@ def test_every_ghost_has_its_image(kind: object) -> None:
 
 def test_normals_and_places() -> None:
     """Inner normals; faces in the middle of each cell's edge, exact."""
-    table = ghost_table(everywhere(Open()), SHAPE, LAYERS, (-1.0, 2.0), 0.5)
+    table = ghost_table(everywhere(Remove()), SHAPE, LAYERS, (-1.0, 2.0), 0.5)
     assert list(table.cells[:, NORMAL]) == [1, -1, 1, -1]
     first = [(-1.0, 2.25), (2.0, 2.25), (-0.75, 2.0), (-0.75, 3.5)]
     np.testing.assert_array_equal(table.places[:, :2], first)
@@ -69,27 +69,27 @@ def test_what_a_ghost_holds() -> None:
     """The formulas, by hand; an open edge is a wall to what would come in."""
     edge, image, place = (1.0, 0.5, 0.2, 7.0), (2.0, 0.6, 0.3, 8.0), Place(0.0, 0.0, 0.0)
     turned = (2.0, -0.6, 0.3, 8.0)
-    assert ghost(Reflecting(), edge, image, 1.0, 0.0, place) == turned
+    assert ghost(Reflect(), edge, image, 1.0, 0.0, place) == turned
     assert ghost(Periodic(), edge, image, 1.0, 0.0, place) == image
-    assert ghost(Open(), edge, image, 1.0, 0.0, place) == turned
-    assert ghost(Open(), edge, image, -1.0, 0.0, place) == edge
+    assert ghost(Remove(), edge, image, 1.0, 0.0, place) == turned
+    assert ghost(Remove(), edge, image, -1.0, 0.0, place) == edge
 
 
 def test_scene_files_and_formulas_know_the_same_kinds() -> None:
-    for name in ("open", "periodic", "reflecting"):
+    for name in ("periodic", "reflect", "remove", "stick"):
         assert name in known_kinds()
         assert at_side(make_kind(name, {})) == keys_of(name).particles
 
 
 def test_a_name_is_taken_once() -> None:
-    with pytest.raises(ValueError, match="another kind of boundary named 'open'"):
-        register_boundary("open", Place, lambda *cells: cells[1], particles="leave")
+    with pytest.raises(ValueError, match="another kind of boundary named 'remove'"):
+        register_boundary("remove", Place, lambda *cells: cells[1], particles="leave")
 
 
 def test_each_side_of_a_scene_has_its_kind() -> None:
     """domain.boundary is the short form for the sides that [boundaries] does not name."""
-    scene = load_scene("rotation", {"boundaries.left.kind": "reflecting"})
-    assert scene_boundaries(scene) == Boundaries(Reflecting(), Open(), Open(), Open())
+    scene = load_scene("rotation", {"boundaries.left.kind": "reflect"})
+    assert scene_boundaries(scene) == Boundaries(Reflect(), Remove(), Remove(), Remove())
     np.testing.assert_array_equal(
         box_of_sides(scene, "reflect"), [[-1.5, np.inf], [-np.inf, np.inf]]
     )
@@ -100,15 +100,17 @@ def test_each_side_of_a_scene_has_its_kind() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"boundaries.left.kind": "periodic"}, r"opposite .* left alone \(right: open\)"),
+        ({"boundaries.left.kind": "periodic"}, r"opposite .* left alone \(right: remove\)"),
         (
             {"boundaries.top.kind": "closed"},
-            r"boundaries\.top\.kind: expected one of open, periodic",
+            r"boundaries\.top\.kind: expected one of periodic, reflect",
         ),
-        ({"boundaries.top.kind": "open", "boundaries.top.speed": 1.0}, r"keys of open \(none\)"),
-        ({"boundaries.lid.kind": "open"}, "expected one of bottom, left, right, top"),
+        (
+            {"boundaries.top.kind": "remove", "boundaries.top.speed": 1.0},
+            r"keys of remove \(none\)",
+        ),
         ({"boundaries.top.speed": 1.0}, r"boundaries\.top\.kind: expected a value"),
-        ({"walls.sides": ["left"]}, "not open on the left"),
+        ({"walls.sides": ["left"]}, "not remove on the left"),
     ],
 )
 def test_sides_that_are_wrong_are_refused(changes: dict[str, object], message: str) -> None:

@@ -96,7 +96,7 @@ def test_a_particle_bounces_off_the_one_side_that_reflects(scheme: Any, error: f
     The fixed step of 0.01 is of first order at a bounce; the other one follows its tolerance.
     """
     changes = {
-        "domain.x": [0.0, 0.6], "domain.y": [-0.1, 0.4], "boundaries.left.kind": "reflecting",
+        "domain.x": [0.0, 0.6], "domain.y": [-0.1, 0.4], "boundaries.left.kind": "reflect",
         "start": {"x": [0.5, 0.5], "y": [0.3, 0.3], "points": [[0.5, 0.3]]}, "flow": None,
         "interaction": None, "outer_potential": {"stiffness": 1.0}, "particles.number": 1,
         "particles.realisations": 1, "times": [2.5], "numerics.tolerance": 1e-8,

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Kinetic
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.geometry.boundaries import Open
+from ellipsoid_coupling.geometry.boundaries import Remove
 from ellipsoid_coupling.models import Setup, build_model, model_terms
 from ellipsoid_coupling.simulation import scene_flow
 from tests.finite_volume.whole import fill, sweep
@@ -107,7 +107,7 @@ def test_a_frame_that_moves_across_changes_nothing(flux: Any) -> None:
     moving = fields.copy()
     interior(moving)[2:] += 30.0 * inner[0]
     for state in (fields, moving):
-        fill(state, -1, Open())
+        fill(state, -1, Remove())
         sweep(flux, state, -1, 1, 0.4)
     found = interior(moving).copy()
     found[2:] -= 30.0 * found[0]

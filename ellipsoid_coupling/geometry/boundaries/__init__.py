@@ -2,7 +2,7 @@
 
 A kind is a NamedTuple (its parameters) and a formula of what a ghost cell holds, registered by name and
 type (`contract.py`): a scene names it, and kernels are compiled with its formula inlined. To add one,
-copy `open.py`, or register it from outside of the package as tests/extension/test_boundary.py does.
+copy `remove.py`, or register it from outside of the package as tests/extension/test_boundary.py does.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from ellipsoid_coupling.geometry.boundaries.contract import (
     make_kind,
     register_boundary,
 )
-from ellipsoid_coupling.geometry.boundaries.open import Open
 from ellipsoid_coupling.geometry.boundaries.periodic import Periodic
-from ellipsoid_coupling.geometry.boundaries.reflecting import Reflecting
+from ellipsoid_coupling.geometry.boundaries.reflect import Reflect
+from ellipsoid_coupling.geometry.boundaries.remove import Remove
+from ellipsoid_coupling.geometry.boundaries.stick import Stick
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import AtSide
 
@@ -36,10 +37,11 @@ __all__ = [
     "DENSITY",
     "OTHERS",
     "Boundaries",
-    "Open",
     "Periodic",
     "Place",
-    "Reflecting",
+    "Reflect",
+    "Remove",
+    "Stick",
     "at_side",
     "box_of_sides",
     "everywhere",

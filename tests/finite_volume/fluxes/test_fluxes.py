@@ -16,7 +16,7 @@ from ellipsoid_coupling.finite_volume.boundary import fill_periodic
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force, ballistic, force
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Stencil, kept_for, through_face
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, interior
-from ellipsoid_coupling.geometry.boundaries import Open, Reflecting
+from ellipsoid_coupling.geometry.boundaries import Reflect, Remove
 from tests.finite_volume.whole import fill, sweep
 
 Floats = NDArray[np.float64]
@@ -69,7 +69,7 @@ def test_closed_box_keeps_mass_and_positivity(flux: Any, axis: int) -> None:
     ratio = 0.4 if flux == Force(1.0) else 0.95
     before = interior(fields)[0].sum()
     for _ in range(3):
-        fill(fields, axis, Reflecting())
+        fill(fields, axis, Reflect())
         sweep(flux, fields, axis, -axis, ratio)
         assert interior(fields)[0].min() >= 0.0
         speeds = carried(fields)[-axis - 1]
@@ -90,7 +90,7 @@ def test_open_edges_let_nothing_in(flux: Any, axis: int, inwards: bool) -> None:
             for edge, sign in ((0, 1.0), (-1, -1.0)):
                 lines[normal, edge] = sign * np.abs(lines[normal, edge])
     before = inner[0].sum()
-    fill(fields, axis, Open())
+    fill(fields, axis, Remove())
     sweep(flux, fields, axis, -axis, 0.4)
     change = inner[0].sum() / before - 1.0
     assert change == pytest.approx(0.0, abs=1e-14) if inwards else change < -1e-3
@@ -107,7 +107,7 @@ def test_ballistic_keeps_carried_quantities_in_their_range(seed: int) -> None:
         )
     low, high = carried(fields).min(axis=1), carried(fields).max(axis=1)
     for axis in (-1, -2):
-        fill(fields, axis, Open())
+        fill(fields, axis, Remove())
         sweep(Ballistic((0.05, *(0.1,) * 4)), fields, axis, -axis, 0.9)
     rounding = 1e-12
     assert np.all(carried(fields).min(axis=1) >= low - rounding)
@@ -119,8 +119,8 @@ def test_x_and_y_are_treated_alike(flux: Any) -> None:
     """A transposed field with exchanged momenta gives the transposed result, bit for bit nearly."""
     fields = random_fields(11, 11)
     turned = np.ascontiguousarray(fields.transpose(0, 2, 1)[[0, 2, 1, 3, 4]])
-    fill(fields, -1, Open())
-    fill(turned, -2, Open())
+    fill(fields, -1, Remove())
+    fill(turned, -2, Remove())
     sweep(flux, fields, -1, 1, 0.4)
     sweep(flux, turned, -2, 2, 0.4)
     back = turned.transpose(0, 2, 1)[[0, 2, 1, 3, 4]]
@@ -159,7 +159,7 @@ KEPT = {Force: 0, Ballistic: 5}
 def test_compiled_sweep_equals_its_plain_twin(flux: Any, columns: int) -> None:
     """One row by the plain formulas and U += F_- - F_+, to rounding; whole vectors and parts of them."""
     fields = random_fields(1, columns)
-    fill(fields, -1, Reflecting())
+    fill(fields, -1, Reflect())
     flat = fields.reshape(5, -1)
     first = GHOSTS * fields.shape[2] + GHOSTS
     through = faces(flux, flat, first, columns + 1)
@@ -207,7 +207,7 @@ def test_an_open_edge_lets_mass_leave() -> None:
     fields = np.zeros((5, 9, 13))
     interior(fields)[0][:, -4:] = 2.0
     interior(fields)[1] = 0.8 * interior(fields)[0]
-    fill(fields, -1, Open())
+    fill(fields, -1, Remove())
     sweep(Ballistic((0.05, *(0.1,) * 4)), fields, -1, 1, 1.0)
     assert interior(fields)[0].sum() == pytest.approx(5 * 2.0 * (4 - 0.8), rel=1e-14)
 

@@ -14,7 +14,7 @@ from ellipsoid_coupling.finite_volume.fluxes import kinetic
 from ellipsoid_coupling.finite_volume.fluxes.contract import Stencil
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import Kinetic, kinetic_outflow
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
-from ellipsoid_coupling.geometry.boundaries import Open, Reflecting
+from ellipsoid_coupling.geometry.boundaries import Reflect, Remove
 from tests.finite_volume.whole import fill, sweep
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ def test_positive_and_conservative_next_to_vacuum_and_at_any_step() -> None:
     tilt[:, :GHOSTS] = tilt[:, -GHOSTS - 1 :] = 1.0
     before = inner[0].sum()
     for _ in range(5):
-        fill(fields, -1, Reflecting())
+        fill(fields, -1, Reflect())
         tilt[:, 0], tilt[:, -2] = 1.0 / tilt[:, 2], 1.0 / tilt[:, -4]
         sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 1.5)
         assert inner[0].min() >= 0.0
@@ -83,7 +83,7 @@ def test_compiled_sweep_equals_its_plain_twin() -> None:
     inner[0] = rng.random(13) * (rng.random(13) > 0.2)
     inner[1:] = inner[0] * rng.uniform(-1.0, 1.0, (3, 13))
     tilt = np.exp(rng.uniform(-0.2, 0.2, fields[0].size))
-    fill(fields, -1, Open())
+    fill(fields, -1, Remove())
     flat = fields.reshape(4, -1)
     first = GHOSTS * fields.shape[2] + GHOSTS
     density = flat[0]
@@ -108,7 +108,7 @@ def test_equilibrium_has_one_state_at_every_face() -> None:
     inner[0] = np.exp(-potential)
     tilt = np.ones(fields[0].shape)
     tilt[GHOSTS, GHOSTS : -GHOSTS - 1] = np.exp(-0.5 * np.diff(potential))
-    fill(fields, -1, Open())
+    fill(fields, -1, Remove())
     before = inner[0].copy()
     sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 0.5)
     np.testing.assert_allclose(inner[0], before, rtol=1e-14)
@@ -121,7 +121,7 @@ def test_a_shifted_gaussian_in_a_harmonic_potential_has_one_slope() -> None:
     inner[0] = np.exp(-0.5 * (x - 0.8) ** 2)
     tilt = np.ones(fields[0].shape)
     tilt[GHOSTS, GHOSTS : -GHOSTS - 1] = np.exp(-0.25 * np.diff(x**2))
-    fill(fields, -1, Open())
+    fill(fields, -1, Remove())
     centre = (inner[0] * x).sum()
     sweep(Kinetic(tilt.ravel(), 0.05), fields, -1, 1, 0.5)
     # The outermost cells, with 1e-7 of the mass, have no neighbour to take a slope from.

@@ -17,7 +17,7 @@ from ellipsoid_coupling.geometry.boundaries.contract import (
 )
 
 
-class Reflecting(NamedTuple):
+class Reflect(NamedTuple):
     """It has no parameters."""
 
 
@@ -29,9 +29,9 @@ def mirrored(image: Values) -> Values:
 
 @inline_kernel
 def _ghost(
-    kind: Reflecting, edge: Values, image: Values, normal: float, t: float, place: Place
+    kind: Reflect, edge: Values, image: Values, normal: float, t: float, place: Place
 ) -> Values:
     return mirrored(image)
 
 
-register_boundary("reflecting", Reflecting, _ghost, particles="reflect")
+register_boundary("reflect", Reflect, _ghost, particles="reflect")

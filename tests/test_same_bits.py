@@ -35,7 +35,7 @@ def begin(threads: str, cache: Path | None = None) -> subprocess.Popen[str]:
 
 def digests(process: subprocess.Popen[str]) -> dict[str, str]:
     """What a process told: thread count, model, scheme and scene -> digest."""
-    told, _ = process.communicate(timeout=900.0)
+    told, _ = process.communicate(timeout=3600.0)
     assert process.returncode == 0
     return dict(line.rsplit(" ", 1) for line in told.splitlines())
 

@@ -76,7 +76,8 @@ def wall_points(points: Array, walls: WallEdges) -> WallPoints:
         )
         for k in (0, 1)
     )
-    at, along = _hermite(points[walls.start], way, length * at_start, length * at_stop)
+    slopes = (_slope(tangent, chord, length) for tangent in (at_start, at_stop))
+    at, along = _hermite(points[walls.start], way, *slopes)
     speed = _speeds(walls, known, before, behind)
     return WallPoints(at.reshape(-1, 2), along.reshape(-1, 2), speed.ravel())
 
@@ -117,6 +118,12 @@ def _tangents(chord: Array, length: Array, before: Index, behind: Index) -> Arra
 def _mirrored(tangent: Array, chord: Array) -> Array:
     """The tangent at an arc's other end."""
     return np.asarray(2.0 * np.sum(tangent * chord, axis=1, keepdims=True) * chord - tangent)
+
+
+def _slope(tangent: Array, chord: Array, length: Array) -> Array:
+    """The cubic's slope at an end: as long as lets the cubic of an arc pass through the arc's middle."""
+    cosine = np.sum(tangent * chord, axis=1, keepdims=True)
+    return np.asarray(2.0 * length / (1.0 + cosine) * tangent)
 
 
 def _hermite(start: Array, way: Array, first: Array, last: Array) -> tuple[Array, Array]:

@@ -64,7 +64,9 @@ class Grid(NamedTuple):
         return Grid(self.points @ turn + by, self.cells)
 
 
-def lattice(x: Array, y: Array, without: Callable[[Array, Array], Array] | None = None) -> Grid:
+def lattice(
+    x: Array, y: Array, without: Callable[[Array, Array], NDArray[np.bool_]] | None = None
+) -> Grid:
     """The lattice of lines x, y; cells whose centres are in `without` are left out."""
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     first = np.add.outer(x.size * np.arange(y.size - 1), np.arange(x.size - 1)).ravel()

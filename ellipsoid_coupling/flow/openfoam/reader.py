@@ -14,6 +14,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,17 +38,38 @@ _CASE_FILES = (".foam", ".OpenFOAM")
 _VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
 
 
+class Sources(NamedTuple):
+    """What a field is made from: the files, and the beginning of its `origin`."""
+
+    files: tuple[Path, ...]
+    origin: str
+
+
 def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
     """The flow at a path: a case, one of its times, or the output of foamToVTK for one.
 
     A case may be named by its folder, a .foam or .OpenFOAM file in it, system/controlDict, or a
     time's folder. Parameters and errors as `read_case` and `read_vtk`.
     """
-    folder = path.parent if path.name == "internal.vtu" else path
-    no_case = is_folder(folder) and not is_folder(folder / "system")
-    if no_case and (is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))):
-        return read_vtk(folder, allow_misfit=allow_misfit)
-    return read_case(path, allow_misfit=allow_misfit)
+    read = read_vtk if _is_vtk(path) else read_case
+    return read(path, allow_misfit=allow_misfit)
+
+
+def sources(path: Path) -> Sources:
+    """The files that `read_flow` would read at a path; InputError where there is no case."""
+    if _is_vtk(path):
+        step = _vtk_step(_vtk_folder(path))
+        boundary = islice((step / "boundary").glob("*.vtp"), MOST_PATCHES)
+        return Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step))
+    case, wanted = _located(path)
+    chosen = choose_time(case, wanted)
+    time, points, faces = chosen.places
+    mesh = (faces / name for name in ("faces", "owner", "neighbour", "boundary"))
+    wanted_files = [time / "U", time / "phi", points / "points", *mesh]
+    if chosen.before is not None:
+        wanted_files.append(chosen.before / "U")
+    found = (packed(file) for file in wanted_files)
+    return Sources(tuple(file for file in found if file is not None), _case_origin(case, chosen))
 
 
 def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
@@ -67,8 +89,7 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     if chosen.only_start and solution.velocity.uniform:
         raise unsolved(case, "no time beyond 0, where U is uniform")
     _require_no_wedge(case, solution.mesh)
-    note = chosen.note + _change(chosen, solution)
-    origin = f"OpenFOAM case {readable(case.resolve().name)}, {note}"
+    origin = _case_origin(case, chosen) + _change(chosen, solution)
     return _field(lambda: of_case(solution, str(case), origin), str(case), allow_misfit)
 
 
@@ -77,10 +98,28 @@ def read_vtk(folder: Path, *, allow_misfit: bool = False) -> FlowField:
 
     `folder` is that time's folder, the VTK folder, or the case. The rest as `read_case`.
     """
-    step = _vtk_step(folder)
-    origin = f"foamToVTK folder {readable(step.resolve().name)}"
+    step = _vtk_step(_vtk_folder(folder))
     raw = _read_vtu(step)
-    return _field(lambda: of_vtk(raw, str(step), origin), str(step), allow_misfit)
+    return _field(lambda: of_vtk(raw, str(step), _vtk_origin(step)), str(step), allow_misfit)
+
+
+def _is_vtk(path: Path) -> bool:
+    folder = _vtk_folder(path)
+    if not is_folder(folder) or is_folder(folder / "system"):
+        return False
+    return is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))
+
+
+def _vtk_folder(path: Path) -> Path:
+    return path.parent if path.name == "internal.vtu" else path
+
+
+def _vtk_origin(step: Path) -> str:
+    return f"foamToVTK folder {readable(step.resolve().name)}"
+
+
+def _case_origin(case: Path, chosen: Chosen) -> str:
+    return f"OpenFOAM case {readable(case.resolve().name)}, {chosen.note}"
 
 
 def _field(plane: Callable[[], MeshFlow], where: str, allow_misfit: bool) -> FlowField:

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 # Nodes per mesh width: as many as this, fewer where that makes more nodes in the fluid than `FEW`, but
 # no fewer than the second number, unless that makes more than `MANY`.
-FINER, FEW, MANY = (3.0, 2.0), 50_000, 160_000
+FINER, FEW, MANY = (3.0, 2.0), 40_000, 100_000
 # The least number of cells per direction, and the most nodes of all, those in solids included.
 LEAST_CELLS, MOST_NODES = 8, 4_000_000
 # Weights; with the last one in mesh widths the error beside a square obstacle is that of its mesh. A larger

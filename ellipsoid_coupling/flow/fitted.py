@@ -72,7 +72,8 @@ def _nodes(mesh: MeshFlow) -> tuple[Nodes, float]:
     finer = float(np.clip(np.sqrt(FEW / count), FINER[1], FINER[0]))
     finer = min(finer, np.sqrt(MANY / count), np.sqrt(MOST_NODES * area / (width * height)))
     step = np.sqrt(area) / finer
-    nx, ny = (max(int(np.ceil(side / step)), LEAST_CELLS) for side in (width, height))
+    most = MOST_NODES // LEAST_CELLS
+    nx, ny = (int(np.clip(np.ceil(side / step), LEAST_CELLS, most)) for side in (width, height))
     return Nodes(float(low[0]), float(low[1]), width / nx, height / ny, nx, ny), finer
 
 

@@ -36,7 +36,11 @@ def kept_field(path: Path, *, allow_misfit: bool = False) -> FlowField:
     from ellipsoid_coupling.flow.openfoam.reader import read_flow, sources
 
     made_from = sources(path)
-    saved = cache_home() / "fields" / f"{_key(made_from, allow_misfit)}.npz"
+    try:
+        key = _key(made_from, allow_misfit)
+    except InputError:  # the reader knows what each file should have been
+        return read_flow(path, allow_misfit=allow_misfit)
+    saved = cache_home() / "fields" / f"{key}.npz"
     if is_ordinary(saved):
         with suppress(InputError):
             field = FlowField.load(saved)

@@ -14,6 +14,7 @@ from ellipsoid_coupling.flow.stream_function import (
     from_fluxes,
     from_velocity,
     given_on_edges,
+    velocity_of_fluxes,
 )
 from tests.flow.known import Array, shaken, stream, velocity
 
@@ -110,6 +111,22 @@ def test_fluxes_with_a_source_do_not_close() -> None:
     inner = int(np.flatnonzero(edges.cells[:, 1] >= 0)[50])
     jump[inner] += 0.01 * np.ptp(exact)
     assert 0.002 < from_fluxes(edges, jump, len(points))[1] < 0.02
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+def test_fluxes_give_the_velocity_in_cells(corners: int) -> None:
+    """Exact where u is constant; elsewhere first order: 7 % on shaken triangles, 24 to a side."""
+    points, cells = shaken(24, corners)
+    edges, count = cells.edges(), cells.sizes.size
+    along = points[edges.points[:, 1]] - points[edges.points[:, 0]]
+    steady = 2.0 * along[:, 1] + 3.0 * along[:, 0]
+    found = velocity_of_fluxes(points, edges, steady, count)
+    np.testing.assert_allclose(found, np.tile([2.0, -3.0], (count, 1)), atol=1e-12)
+    exact = stream(*points.T)
+    jump = exact[edges.points[:, 1]] - exact[edges.points[:, 0]]
+    at = np.column_stack(velocity(*cells.centroids(points).T))
+    off = velocity_of_fluxes(points, edges, jump, count) - at
+    assert np.linalg.norm(off) < 0.08 * np.linalg.norm(at)
 
 
 def test_two_meshes_that_do_not_meet_have_each_their_constant() -> None:

@@ -5,6 +5,7 @@ What the coefficients shall fit, each in units of velocity, h being the spline's
     psi / h            at the mesh points
     u                  in the cells' centres
     psi / h, u         on the walls, between the mesh points: no flux, and the wall's own velocity
+    psi / h            on cyclic sides of the rectangle: the same but for a constant, slopes included
     third differences  nothing but what the others ask for
 
 The last one is a regulariser: it leaves quadratic psi alone, so that shear at walls is as it is.
@@ -26,6 +27,7 @@ from ellipsoid_coupling.flow.least_squares import (
     third_differences,
 )
 from ellipsoid_coupling.flow.mesh import MeshFlow
+from ellipsoid_coupling.flow.openfoam.plane import SINGLE
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.wall_curves import PLACES, WallEdges, WallPoints, wall_points
 
@@ -39,6 +41,8 @@ LEAST_CELLS, MOST_NODES = 8, 4_000_000
 # Weights; with the last one in mesh widths the error beside a square obstacle is that of its mesh. A larger
 # one hides wiggles, and thin layers with them: see tests/flow/test_fitted.py.
 U_IN_CELLS, ON_WALLS, SMOOTH = 1.0, 3.0, 0.1
+# Of a tie between two cyclic sides: firm, as nothing but the regulariser pulls at it.
+AT_PERIODS = 300.0
 
 
 def fitted(mesh: MeshFlow, psi: Array, outline: Outline, walls: WallEdges) -> FlowField:
@@ -58,6 +62,7 @@ def fitted(mesh: MeshFlow, psi: Array, outline: Outline, walls: WallEdges) -> Fl
         Equations(spline_rows(nodes, mesh.points, ""), psi).weighted(1.0 / h),
         *(part.weighted(U_IN_CELLS) for part in _in_cells(nodes, mesh)),
         *_on_walls(nodes, np.repeat(psi[walls.start], PLACES.size), at_walls),
+        *_periods(nodes, mesh, psi, outline, used),
         third_differences(used).weighted(SMOOTH * finer / h),
     ]
     return FlowField.from_coefficients(solve(equations, used), x, y, "", inside, outline)
@@ -96,3 +101,39 @@ def _on_walls(nodes: Nodes, psi: Array, points: WallPoints) -> tuple[Equations, 
         Equations(spline_rows(nodes, points.at, ""), psi).weighted(ON_WALLS / h),
         Equations(csr_array(along), points.speed[known]).weighted(ON_WALLS),
     )
+
+
+def _periods(
+    nodes: Nodes, mesh: MeshFlow, psi: Array, outline: Outline, used: NDArray[np.bool_]
+) -> list[Equations]:
+    """Psi is the same at cyclic sides of the mesh's rectangle, but for the flux between them.
+
+    The rectangle is a whole number of cells wide, so these are the same coefficients at both ends.
+    """
+    cyclic = outline.ends[np.array(outline.types)[outline.patch] == "cyclic"]
+    found = []
+    for axis, cells in ((0, nodes.nx), (1, nodes.ny)):
+        low, high = mesh.points[:, axis].min(), mesh.points[:, axis].max()
+        tolerance = SINGLE * (high - low)
+        if all(
+            (np.abs(cyclic[..., axis] - end) <= tolerance).all(axis=1).any() for end in (low, high)
+        ):
+            ends = [
+                psi[np.abs(mesh.points[:, axis] - end) <= tolerance].mean() for end in (low, high)
+            ]
+            tied = _tied(used, axis, cells, float(ends[1] - ends[0]))
+            found.append(tied.weighted(AT_PERIODS / np.sqrt(nodes.dx * nodes.dy)))
+    return found
+
+
+def _tied(used: NDArray[np.bool_], axis: int, cells: int, step: float) -> Equations:
+    """That three columns of coefficients (axis 0), or rows, are those `cells` before and a step more."""
+    numbers = np.moveaxis(np.arange(used.size).reshape(used.shape), 1 - axis, 0)
+    first, last = numbers[:3].ravel(), numbers[cells:].ravel()
+    both = used.ravel()[first] & used.ravel()[last]
+    pairs = np.stack((last[both], first[both]), axis=-1)
+    rows = csr_array(
+        (np.tile((1.0, -1.0), len(pairs)), pairs.ravel(), 2 * np.arange(len(pairs) + 1)),
+        shape=(len(pairs), used.size),
+    )
+    return Equations(rows, np.full(len(pairs), step))

@@ -154,6 +154,33 @@ def poiseuille(angle: float = 0.0) -> Exact:
     return Exact(psi, velocity, patch, types, lambda x, y: (0.0 * x, 0.0 * y))
 
 
+def wavy_channel(cells: int) -> tuple[Grid, Exact]:
+    """One period of a channel of height H = 1 + sin(2 pi x) / 5: psi = eta^2 (3 - 2 eta), eta = y / H."""
+
+    def height(x: Array) -> Array:
+        return np.asarray(1.0 + 0.2 * np.sin(2.0 * np.pi * x))
+
+    def psi(x: Array, y: Array) -> Array:
+        eta = y / height(x)
+        return np.asarray(eta**2 * (3.0 - 2.0 * eta))
+
+    def velocity(x: Array, y: Array) -> tuple[Array, Array]:
+        eta = y / height(x)
+        slope = 6.0 * eta * (1.0 - eta) / height(x)
+        return slope, slope * eta * 0.4 * np.pi * np.cos(2.0 * np.pi * x)
+
+    def patch(at: Array) -> NDArray[np.str_]:
+        ends = np.where(at[:, 0] < 1e-9, "left", "right")
+        inner = (at[:, 0] > 1e-9) & (at[:, 0] < 1.0 - 1e-9)
+        return np.where(inner, "walls", ends)
+
+    square = lattice(np.linspace(0.0, 1.0, cells + 1), np.linspace(0.0, 1.0, cells + 1))
+    x, eta = square.points.T
+    grid = Grid(np.column_stack((x, eta * height(x))), square.cells)
+    types = {"left": "cyclic", "right": "cyclic", "walls": "wall"}
+    return grid, Exact(psi, velocity, patch, types, lambda x, y: (0.0 * x, 0.0 * y))
+
+
 def write_case(
     folder: Path, grid: Grid, flow: Exact, written: Written | None = None, at: Array | None = None
 ) -> Path:
@@ -220,8 +247,9 @@ def _velocity(
     parts = [b"dimensions [0 1 -1 0 0 0 0];\ninternalField nonuniform List<vector> "]
     parts += [_vectors(_flat(flow.velocity, centres), how), b";\nboundaryField\n{\n"]
     for name, at in patches:
-        if flow.types[name] == "wall" and flow.wall is None:
-            parts.append(name.encode() + b" { type slip; }\n")
+        if flow.types[name] == "cyclic" or (flow.types[name] == "wall" and flow.wall is None):
+            kind = b"cyclic" if flow.types[name] == "cyclic" else b"slip"
+            parts.append(name.encode() + b" { type " + kind + b"; }\n")
             continue
         wall = flow.wall if flow.types[name] == "wall" and flow.wall is not None else None
         kind = b"calculated" if wall is None else b"fixedValue"

@@ -25,7 +25,7 @@ from ellipsoid_coupling.flow.wall_curves import PLACES, WallEdges, wall_points
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-# A field further off U than this, rms over the cells or at a wall, is another flow.
+# A field further off U than this, rms over the fluid's area or over the edges of walls, is another flow.
 LARGEST_MISFIT = 0.05
 # Of psi's range: fluxes that close worse are those of a flow with sources, or of a moving mesh.
 LARGEST_GAP = 1e-3
@@ -139,22 +139,22 @@ def _patches(
 
 def _told(mesh: MeshFlow, field: FlowField, walls: WallEdges, allow_misfit: bool) -> str:
     """How far the field is off U, in words; InputError where that is another flow."""
-    off, slip = _misfit(mesh, field), _slip(mesh, field, walls)
-    speed, top = float(np.sqrt(np.mean(mesh.velocity**2))), float(slip.max(initial=0.0))
-    misfit = float(np.sqrt(np.mean(off**2))) / speed if speed > 0.0 else 0.0
+    misfit, beside = _in_cells(mesh, field, walls)
+    slip = _slip(mesh, field, walls)
     at_walls = float(np.sqrt(np.mean(slip**2))) if slip.size else 0.0
     if max(misfit, at_walls) > LARGEST_MISFIT and not allow_misfit:
-        part = "in the cells" if misfit > LARGEST_MISFIT else "at walls"
-        beside = mesh.edges.cells[walls.edge[np.isfinite(walls.speed)], 0]
-        if misfit > LARGEST_MISFIT and 2.0 * np.sum(off[np.unique(beside)] ** 2) > np.sum(off**2):
+        part = f"{_percent(misfit)} off (rms) in the cells"
+        if misfit <= LARGEST_MISFIT:
+            part = f"{_percent(at_walls)} off (rms) at walls"
+        elif beside > 0.5:
             part += ", most of it beside walls whose layers are thinner than a cell"
         raise InputError(
             mesh.where, f"a velocity U without sources, resolved by the mesh to {LARGEST_MISFIT:.0%}",
-            f"one whose best stream function is {_percent(max(misfit, at_walls))} off (rms) {part}",
+            f"one whose best stream function is {part}",
             "Give a solved plane incompressible flow, or solve it on a finer mesh; "
             "--allow-misfit (allow_misfit=True) takes it as it is.",
         )  # fmt: skip
-    told = f"{_percent(misfit)} off U (rms)"
+    told, top = f"{_percent(misfit)} off U (rms)", float(slip.max(initial=0.0))
     if top > SINGLE:
         told += f", up to {_percent(top)} of its largest at walls"
     if top > LARGEST_MISFIT:
@@ -174,6 +174,17 @@ def _worst_walls(mesh: MeshFlow, walls: WallEdges, slip: Array) -> list[str]:
 
 def _percent(part: float) -> str:
     return f"{100.0 * part:.2g} %" if part < 1.0 else f"{100.0 * part:.0f} %"
+
+
+def _in_cells(mesh: MeshFlow, field: FlowField, walls: WallEdges) -> tuple[float, float]:
+    """How far the field is off U, rms / rms over the area; and the part of that beside walls, squared."""
+    weight = mesh.cells.areas(mesh.points)
+    off = weight * np.sum(_misfit(mesh, field) ** 2, axis=1)
+    speed, total = float(weight @ np.sum(mesh.velocity**2, axis=1)), float(off.sum())
+    if not (speed > 0.0 and total > 0.0):
+        return 0.0, 0.0
+    beside = np.unique(mesh.edges.cells[walls.edge[np.isfinite(walls.speed)], 0])
+    return float(np.sqrt(total / speed)), float(off[beside].sum()) / total
 
 
 def _misfit(mesh: MeshFlow, field: FlowField) -> Array:

@@ -35,22 +35,28 @@ def kept_field(path: Path, *, allow_misfit: bool = False) -> FlowField:
     # The reader and the solvers that it needs take time to import, which analytic flows do not need.
     from ellipsoid_coupling.flow.openfoam.reader import read_flow, sources
 
-    made_from = sources(path)
     try:
+        made_from = sources(path)
         key = _key(made_from, allow_misfit)
-    except InputError:  # the reader knows what each file should have been
+    except InputError:  # the reader knows better what each file should have been
         return read_flow(path, allow_misfit=allow_misfit)
     saved = cache_home() / "fields" / f"{key}.npz"
     if is_ordinary(saved):
         with suppress(InputError):
             field = FlowField.load(saved)
-            if field.origin.startswith(made_from.origin):
+            if _is_of(field, made_from):
                 return field
     field = read_flow(path, allow_misfit=allow_misfit)
-    with suppress(WriteError):
-        field.save(saved)
-        _forget_old(saved.parent)
+    if _is_of(field, made_from):
+        with suppress(WriteError):
+            field.save(saved)
+            _forget_old(saved.parent)
     return field
+
+
+def _is_of(field: FlowField, made_from: Sources) -> bool:
+    """Whether a field tells the case and the time that these files are of."""
+    return field.origin.startswith(f"{made_from.origin},")
 
 
 def _key(made_from: Sources, allow_misfit: bool) -> str:

@@ -40,11 +40,12 @@ class Exact(NamedTuple):
 
 
 class Written(NamedTuple):
-    """How files are written."""
+    """How files are written, and which of x, y, z comes first, second, third in them."""
 
     binary: bool = True
     packed: bool = False
     phi: bool = True
+    axes: tuple[int, int, int] = (0, 1, 2)
 
 
 class Grid(NamedTuple):
@@ -207,7 +208,7 @@ def write_case(
     ))  # fmt: skip
     both = np.tile(np.arange(len(grid.cells)), 2)
     mesh = folder / "constant" / "polyMesh"
-    _save(mesh / "points", "vectorField", _vectors(points, how), how)
+    _save(mesh / "points", "vectorField", _vectors(points[:, how.axes], how), how)
     _save(mesh / "faces", "faceList", _faces(faces, how), how)
     _save(mesh / "owner", "labelList", _labels(np.concatenate((edges.cells[:, 0], both)), how), how)
     _save(mesh / "neighbour", "labelList", _labels(edges.cells[:inner, 1], how), how)
@@ -245,7 +246,7 @@ def _velocity(
     flow: Exact, centres: Array, middles: Array, patches: list[tuple[str, Index]], how: Written
 ) -> bytes:
     parts = [b"dimensions [0 1 -1 0 0 0 0];\ninternalField nonuniform List<vector> "]
-    parts += [_vectors(_flat(flow.velocity, centres), how), b";\nboundaryField\n{\n"]
+    parts += [_vectors(_flat(flow.velocity, centres)[:, how.axes], how), b";\nboundaryField\n{\n"]
     for name, at in patches:
         if flow.types[name] == "cyclic" or (flow.types[name] == "wall" and flow.wall is None):
             kind = b"cyclic" if flow.types[name] == "cyclic" else b"slip"
@@ -253,7 +254,7 @@ def _velocity(
             continue
         wall = flow.wall if flow.types[name] == "wall" and flow.wall is not None else None
         kind = b"calculated" if wall is None else b"fixedValue"
-        values = _vectors(_flat(wall or flow.velocity, middles[at]), how)
+        values = _vectors(_flat(wall or flow.velocity, middles[at])[:, how.axes], how)
         parts += [
             name.encode(),
             b" { type ",

@@ -212,12 +212,27 @@ class FlowField:
                 "stream function", "nodes (ny+1, nx+1) with at least 4 cells each way",
                 f"psi of shape {psi.shape} on {ny + 1} x {nx + 1} nodes", "Give psi[y, x].",
             )  # fmt: skip
-        cells = np.ones((ny, nx), bool) if inside is None else inside
         coefficients = stream_coefficients(psi, width / nx, height / ny, wall_velocity)
+        cells = np.ones((ny, nx), bool) if inside is None else inside
+        return cls.from_coefficients(coefficients, x, y, origin, cells, outline)
+
+    @classmethod
+    def from_coefficients(
+        cls,
+        coefficients: Array,
+        x: Array,
+        y: Array,
+        origin: str,
+        inside: NDArray[np.bool_],
+        outline: Outline | None = None,
+    ) -> FlowField:
+        """The field of coefficients (ny+3, nx+3); the rest as `from_stream_function`."""
+        ny, nx = inside.shape
+        width, height = float(x[-1] - x[0]), float(y[-1] - y[0])
         arrays = FlowArrays(
             coefficients, float(x[0]), float(y[0]), nx / width, ny / height,
             float(x[0]) - RIM * width, float(x[-1]) + RIM * width,
-            float(y[0]) - RIM * height, float(y[-1]) + RIM * height, cells.astype(np.uint8),
+            float(y[0]) - RIM * height, float(y[-1]) + RIM * height, inside.astype(np.uint8),
         )  # fmt: skip
         return cls(arrays, origin, outline)
 

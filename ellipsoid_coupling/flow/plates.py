@@ -1,13 +1,9 @@
-"""Thin plates: walls inside the mesh, with fluid on both sides, that no cell of it shows.
+"""Thin plates and patches in meshes that were read without their faces, as foamToVTK writes them.
 
-OpenFOAM's baffles are faces of a patch between two cells of the mesh. The cells of the field's grid that
-such a face touches are taken out of the flow, so that nothing passes through a plate unseen:
+OpenFOAM's baffles are two faces of patches between two cells. The cells' edges alone do not tell them from
+an inner edge; a face of a patch in the same place does:
 
-        +---+---+---+---+           x: out of the flow
-        |   | x | x |   |
-        |---|---=====---|           ===: the plate, on a line of the grid;
-        |   | x | x |   |                between two lines, one row of cells
-        +---+---+---+---+
+    inner edge   cell | cell          plate   cell ][ cell     two edges, each beside one cell
 """
 
 from __future__ import annotations
@@ -19,60 +15,62 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ellipsoid_coupling.flow.polygons import Edges
-from ellipsoid_coupling.flow.stream_function import Patch
+from ellipsoid_coupling.flow.stream_function import Patch, Rim
 
 Array = NDArray[np.float64]
 
-# Of an edge's length: the middle of a face and that of its edge are the same place.
-_SAME_PLACE = 1e-3
-# Points along a plate a cell, and how far to either side of it, in cells.
-_PER_CELL, _ASIDE = 4.0, 1e-3
+# A face's centre is an edge's middle, up to this part of the edge: readers give single precision.
+SAME_PLACE = 1e-2
 
 
-def plates(points: Array, edges: Edges, patches: Mapping[str, Patch]) -> Array:
-    """(n, 2, 2), both ends of every edge inside the mesh that is a face of a patch.
+def with_patches(points: Array, edges: Edges, patches: Mapping[str, Patch]) -> tuple[Edges, Rim]:
+    """The edges, those that are plates twice, and where the patches' faces are among them.
 
     Parameters
     ----------
     points : (P, 2), the mesh points
-    edges : between them
+    edges : between them, each once
     patches : by name, without the empty ones
     """
+    face, edge = _matches(points, edges, patches)
+    # Of an inner edge the first face is that of its first cell, the last one that of the other.
+    order = np.argsort(edge, kind="stable")
+    face, edge = face[order], edge[order]
+    matched, first = np.unique(edge, return_index=True)
+    last = np.append(first[1:], edge.size) - 1
+    plate = edges.cells[matched, 1] >= 0
+    cells = edges.cells.copy()
+    cells[matched[plate], 1] = -1
+    other = edges.cells[matched[plate]][:, ::-1].copy()
+    other[:, 1] = -1
+    doubled = Edges(
+        np.concatenate((edges.points, edges.points[matched[plate]])), np.concatenate((cells, other))
+    )
+    found = np.concatenate((face[first], face[last[plate]]))
+    begins = np.cumsum([0, *(len(patch.centres) for patch in patches.values())])
+    patch = np.searchsorted(begins, found, side="right") - 1
+    at = np.concatenate((matched, len(edges.points) + np.arange(np.count_nonzero(plate))))
+    return doubled, Rim(at, patch, found - begins[patch])
+
+
+def _matches(
+    points: Array, edges: Edges, patches: Mapping[str, Patch]
+) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Faces, counted through all patches, and the edges in the same place."""
     centres = [patch.centres for patch in patches.values() if len(patch.centres)]
     if not centres:
-        return np.empty((0, 2, 2))
+        return np.empty(0, np.int_), np.empty(0, np.int_)
     ends = points[edges.points]
-    middle, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
-    distance, _ = KDTree(np.concatenate(centres)).query(middle)
-    faces = distance <= _SAME_PLACE * np.hypot(along[:, 0], along[:, 1])
-    inner = faces & (edges.cells[:, 1] >= 0)
-    # Plates whose points were split, too: two edges in one place, each beside one cell.
-    rim = np.flatnonzero(faces & (edges.cells[:, 1] < 0))
-    if rim.size > 1:
-        next_one = np.asarray(KDTree(middle[rim]).query(middle[rim], k=2)[0])[:, 1]
-        twice = next_one <= _SAME_PLACE * np.hypot(along[rim, 0], along[rim, 1])
-        inner[rim[twice]] = True
-    return np.asarray(ends[inner])
-
-
-def without_plates(
-    inside: NDArray[np.bool_], x: Array, y: Array, found: Array
-) -> NDArray[np.bool_]:
-    """The cells in the flow (ny, nx) less those that plates (n, 2, 2) touch; x, y are the nodes."""
-    if not len(found):
-        return inside
-    step = np.array([x[1] - x[0], y[1] - y[0]])
-    corner, kept = np.array([x[0], y[0]]), inside.copy()
-    for start, end in found:
-        way = (end - start) / step
-        length = float(np.hypot(*way))
-        part = np.linspace(_ASIDE, 1.0 - _ASIDE, 2 + int(_PER_CELL * length))[:, None]
-        across = np.array([-way[1], way[0]]) / length
-        at = (start - corner) / step + part * way
-        for side in (-_ASIDE, _ASIDE):
-            column, row = np.floor(at + side * across).astype(np.int64).T
-            # Of two cells that meet at a corner, a third one beside both: no way through between them.
-            row, column = np.concatenate((row, row[1:])), np.concatenate((column, column[:-1]))
-            there = (row >= 0) & (row < kept.shape[0]) & (column >= 0) & (column < kept.shape[1])
-            kept[row[there], column[there]] = False
-    return kept
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    distance, nearest = KDTree(ends.mean(axis=1)).query(np.concatenate(centres), k=2)
+    near = np.asarray(distance) <= SAME_PLACE * length[nearest]
+    # Two edges are in one place where a plate's points are split: its first face takes one of them, its
+    # second face the other.
+    nearest = np.where(near[:, 1:], np.sort(nearest, axis=1), nearest)
+    _, pair, times = np.unique(nearest, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(pair.ravel(), kind="stable")
+    rank = np.empty(order.size, np.int_)
+    rank[order] = np.arange(order.size) - np.repeat(np.cumsum(times) - times, times)
+    taken = np.where(near[:, 1] & (rank % 2 == 1), nearest[:, 1], nearest[:, 0])
+    face = np.flatnonzero(near[:, 0])
+    return face, taken[face]

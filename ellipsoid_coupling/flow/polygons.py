@@ -41,6 +41,20 @@ class Polygons(NamedTuple):
         """(C,), where each cell's corners begin."""
         return np.cumsum(self.sizes) - self.sizes
 
+    def scatter(self, points: Array) -> tuple[Array, Index]:
+        """Points (K, 2) in the cells, and the cell of each: the mean over those of a cell is its mean.
+
+        One for each corner, between that and the centroid: exact for squares' and regular triangles'
+        cubics, for any polygon's linear functions. points (P, 2) are the mesh's.
+        """
+        corners = points[self.corner]
+        middle = np.stack([
+            np.bincount(self.owner, axis, self.sizes.size) / self.sizes for axis in corners.T
+        ], axis=-1)  # fmt: skip
+        part = np.where(self.sizes == 3, 0.5, 1.0 / np.sqrt(3.0))[self.owner, None]
+        at = self.centroids(points)[self.owner] + part * (corners - middle[self.owner])
+        return at, self.owner
+
     def triangles(self) -> Index:
         """(T, 3), each polygon as a fan from its first corner."""
         return self.corner[self._fan()]
@@ -58,6 +72,12 @@ class Polygons(NamedTuple):
         total = np.bincount(owner, area, count)
         moment = [np.bincount(owner, area * s, count) / 3.0 for s in (a + b + c).T]
         return np.stack(moment, axis=-1) / total[:, None]
+
+    def areas(self, points: Array) -> Array:
+        """(C,), of the cells; points (P, 2)."""
+        a, b, c = np.moveaxis(points[self.triangles()], 1, 0)
+        twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        return np.asarray(0.5 * np.bincount(self.triangle_owners(), twice, self.sizes.size))
 
     def edges(self) -> Edges:
         """Every edge once, with the one or two cells beside it."""
@@ -90,3 +110,14 @@ def polygons(points: Array, corner: Index, owner: Index, count: int) -> Polygons
     offset = points[corner] - mean[owner]
     order = np.lexsort((np.arctan2(offset[:, 1], offset[:, 0]), owner))
     return Polygons(corner[order], owner, sizes)
+
+
+def around_cells(points: Array, edges: Edges, count: int) -> Polygons:
+    """The `count` convex cells that edges lie around; points (P, 2)."""
+    beside = edges.cells >= 0
+    cell = np.concatenate((edges.cells[beside[:, 0], 0], edges.cells[beside[:, 1], 1]))
+    ends = np.concatenate((edges.points[beside[:, 0]], edges.points[beside[:, 1]]))
+    # Each corner once: two edges of a cell meet there.
+    each = np.unique(np.repeat(cell, 2) * len(points) + ends.ravel())
+    owner, corner = np.divmod(each, len(points))
+    return polygons(points, corner, owner, count)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ellipsoid_coupling.errors import InputError, WriteError
+from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.kept_fields import kept_field
 from ellipsoid_coupling.flow.openfoam.programs import INSTALL, openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import Report, solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import (
@@ -21,13 +21,6 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
 )
 
 SHIPPED = Path(__file__).parent / "shipped"
-# What turns a case into a field; its hash names the field kept beside a case in the cache.
-READING = (
-    "field.py", "mesh_flow.py", "openfoam/case.py", "openfoam/entries.py", "openfoam/fields.py",
-    "openfoam/files.py", "openfoam/patterns.py", "openfoam/plane.py", "openfoam/reader.py",
-    "openfoam/times.py", "openfoam/tokens.py", "plates.py", "polygons.py", "spline.py",
-    "stream_function.py",
-)  # fmt: skip
 
 
 class Wanted(NamedTuple):
@@ -68,10 +61,10 @@ def obtain_flow(
     if openfoam_available():
         kept = solved_folder(case, cells)
         if is_solved(kept):
-            return _from("cache", _field_of(kept, allow_misfit))
+            return _from("cache", kept_field(kept, allow_misfit=allow_misfit))
         # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
         solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
-        return _from("new icoFoam run", _field_of(solved, allow_misfit))
+        return _from("new icoFoam run", kept_field(solved, allow_misfit=allow_misfit))
     if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
         case_folder(case)
         raise InputError(
@@ -94,7 +87,7 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     for kept in kept_folders(Path(case).name, cells):
         # One that cannot be read is not the one that is looked for.
         with suppress(InputError):
-            if (field := _field_of(kept, allow_misfit=True)).digest == digest:
+            if (field := kept_field(kept, allow_misfit=True)).digest == digest:
                 return field
     return None
 
@@ -103,33 +96,7 @@ def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
     """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
     if path.suffix == ".npz":
         return FlowField.load(path)
-    # pyvista and meshio take a second to import: only who reads a case waits for them.
-    from ellipsoid_coupling.flow.openfoam.reader import read_flow
-
-    return read_flow(path, allow_misfit=allow_misfit)
-
-
-def _field_of(solved: Path, allow_misfit: bool) -> FlowField:
-    """The field of a case in the cache, from the file beside it where there is one.
-
-    Reading a case takes a second with its imports, that file milliseconds.
-    """
-    digest = hashlib.sha256()
-    for name in READING:
-        digest.update((Path(__file__).parent / name).read_bytes())
-    saved = solved / f"flow-{digest.hexdigest()[:16]}.npz"
-    if saved.is_file():
-        return FlowField.load(saved)
-    from ellipsoid_coupling.flow.openfoam.reader import read_case
-
-    field = read_case(solved, allow_misfit=allow_misfit)
-    # One that was only allowed is not kept for those who do not allow it.
-    if allow_misfit:
-        return field
-    # A cache that is only to be read serves all the same.
-    with suppress(WriteError):
-        field.save(saved)
-    return field
+    return kept_field(path, allow_misfit=allow_misfit)
 
 
 def _from(source: str, field: FlowField) -> FlowField:

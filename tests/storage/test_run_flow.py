@@ -232,7 +232,7 @@ def test_an_older_folder_takes_the_cache_s_field_if_it_is_the_one(
     for name in (*fields, "cavity-50-cc"):
         (no_solver / "flows" / name).mkdir(parents=True)
         (no_solver / "flows" / name / "case.foam").write_text("key")
-    monkeypatch.setattr(provide, "_field_of", lambda solved, *_, **__: fields[solved.name])
+    monkeypatch.setattr(provide, "kept_field", lambda solved, *_, **__: fields[solved.name])
     folder = older(tmp_path / "a", saved(lid(2.0), tmp_path / "own.npz"))
     scene = ec.load_scene("cavity_free")
     found = run_flow(folder, scene)

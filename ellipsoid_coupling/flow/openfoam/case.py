@@ -1,8 +1,6 @@
-"""A solved case, checked: mesh and U, and a plain copy of the mesh for VTK.
+"""A solved case, checked: mesh, U and phi; and a plain copy of the mesh.
 
-VTK's reader trusts its files: a wrong count or point number ends the program, an #include is followed,
-other folders are searched. So VTK gets the copy of `write_mesh`, which holds the checked mesh and nothing
-else of the case, always in the same binary form.
+`write_mesh` writes the checked mesh and nothing else of a case, always in the same binary form.
 """
 
 from __future__ import annotations
@@ -17,11 +15,13 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import MOST_CASE_FILE_BYTES
 from ellipsoid_coupling.flow.openfoam.fields import Field, PatchFaces, read_boundary, read_field
 from ellipsoid_coupling.flow.openfoam.files import (
+    REMEDY,
     Array,
     FoamFile,
     Index,
     decimal,
     open_file,
+    packed,
     read_faces,
     read_labels,
     read_numbers,
@@ -30,6 +30,9 @@ from ellipsoid_coupling.flow.openfoam.files import (
 from ellipsoid_coupling.flow.openfoam.times import Places
 
 _U_DIMENSIONS = (0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0)
+_FLUX_DIMENSIONS = (0.0, 3.0, -1.0, 0.0, 0.0, 0.0, 0.0)
+# Conditions under which a patch's velocity follows from the cells': it says nothing of its own.
+_FREE = ("zeroGradient", "slip", "symmetry", "symmetryPlane", "cyclic")
 _LEAST_CORNERS, _LEAST_FACES = 3, 4
 # A field's file: text around the numbers, a vector in ascii, lists that a patch may have.
 _TEXT_BYTES, _VECTOR_BYTES, _LISTS = 1_000_000, 100, 10
@@ -65,29 +68,33 @@ class Mesh(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The mesh, and U with its values on patches."""
+    """The mesh, U with its values on patches, and phi from owners through faces (F,), if there is one."""
 
     mesh: Mesh
     velocity: Field
+    flux: Array | None
 
     def on_patch(self, patch: PatchFaces) -> Array:
         """(faces, 3), U on a patch: as written, 0 where it does not slip, else the cells' own."""
+        cells = self.velocity.values[self.mesh.owner[patch.start : patch.start + patch.faces]]
+        if self.velocity.types[patch.name] in _FREE:
+            return cells
         given = self.velocity.on_patches[patch.name]
         if given is not None:
             return given
         if self.velocity.types[patch.name] == "noSlip":
             return np.zeros((patch.faces, 3))
-        return self.velocity.values[self.mesh.owner[patch.start : patch.start + patch.faces]]
+        return cells
 
 
 def read_solution(places: Places) -> Solution:
-    """Mesh and U of a case, every number checked.
+    """Mesh, U and phi of a case, every number checked.
 
     Raises InputError, with file and place, for anything that is missing, broken or inconsistent.
     """
     mesh = read_mesh(places)
     velocity = _read_velocity(places.time / "U", mesh, mesh.patches)
-    return Solution(mesh, velocity)
+    return Solution(mesh, velocity, read_flux(places.time / "phi", mesh))
 
 
 def read_cells(path: Path, mesh: Mesh) -> Array:
@@ -109,10 +116,35 @@ def _read_velocity(path: Path, mesh: Mesh, patches: list[PatchFaces] | None) -> 
     return velocity
 
 
+def read_flux(path: Path, mesh: Mesh) -> Array | None:
+    """Phi from owners through faces, (F,), in m3/s; None where there is none, or one of a mass flux.
+
+    Patches follow the faces inside as they do in the mesh; empty ones have no flux.
+
+    Raises InputError for a file that is there and broken.
+    """
+    if packed(path) is None:
+        return None
+    file = open_file(path, "surfaceScalarField", most=_field_room(mesh))
+    patches = [patch for patch in mesh.patches if patch.kind != "empty"]
+    field = read_field(file, 1, mesh.neighbour.size, patches)
+    if field.dimensions != _FLUX_DIMENSIONS:
+        return None
+    flux = np.zeros(mesh.owner.size)
+    flux[: mesh.neighbour.size] = field.values[:, 0]
+    for patch in patches:
+        values = field.on_patches[patch.name]
+        if values is None:
+            raise InputError(f"{file.path}, boundaryField, {patch.name}", "a value", "none", REMEDY)
+        flux[patch.start : patch.start + patch.faces] = values[:, 0]
+    require_finite(file, flux[:, None], "phi")
+    return flux
+
+
 def _field_room(mesh: Mesh) -> int:
     """The bytes that a field on this mesh may take."""
     on_patches = sum(patch.faces for patch in mesh.patches if patch.kind != "empty")
-    entries = mesh.cells + _LISTS * on_patches
+    entries = mesh.owner.size + _LISTS * on_patches
     return min(_TEXT_BYTES + _VECTOR_BYTES * entries, MOST_CASE_FILE_BYTES)
 
 
@@ -171,10 +203,7 @@ def _require_cells(file: FoamFile, other: FoamFile, owner: Index, neighbour: Ind
 
 
 def _require_closed(file: FoamFile, mesh: Mesh) -> None:
-    """The faces of every cell close it: each edge of a cell lies on two of its faces.
-
-    Then VTK's hexahedra and prisms are hexahedra and prisms.
-    """
+    """The faces of every cell close it: each edge of a cell lies on two of its faces."""
     sizes = np.diff(mesh.begins)
     following = np.arange(1, mesh.corners.size + 1)
     following[mesh.begins[1:] - 1] = mesh.begins[:-1]
@@ -219,7 +248,7 @@ def _require(file: FoamFile, good: NDArray[np.bool_], expected: str, item: str) 
 
 
 def write_mesh(mesh: Mesh, folder: Path) -> None:
-    """A case that holds nothing but the mesh, its boundary one patch; VTK reads it by controlDict."""
+    """A case that holds nothing but the mesh, its boundary one patch."""
     for part in ("system", "constant/polyMesh", "1"):
         (folder / part).mkdir(parents=True)
     at = folder / "constant" / "polyMesh"

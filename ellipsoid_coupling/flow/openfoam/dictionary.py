@@ -42,6 +42,7 @@ _LONGEST_UNITS = 100
 _MOST_COPIED = 100
 # This many characters of a string count as one part.
 _TEXT_PART = 10
+_WHOLE = 2.0**53
 _WIDTH = {"List<scalar>": 1, "List<vector>": 3}
 _IN_A_LIST = frozenset("0123456789+-.eE() \t\r\n")
 
@@ -313,7 +314,10 @@ class _Parser:
 
         try:
             tree = arithmetic.parse(self._scan.string(), variable)
-            return Number(arithmetic.evaluate(tree), start)
+            value = arithmetic.evaluate(tree)
+            # Whole numbers stay whole: 3*$cells may count cells.
+            whole = value.is_integer() and abs(value) < _WHOLE
+            return Number(int(value) if whole else value, start)
         except arithmetic.ExpressionError as error:
             self._scan.refuse(start, str(error))
 

@@ -33,9 +33,10 @@ from ellipsoid_coupling.flow.openfoam.case import (
     read_solution,
     write_mesh,
 )
+from ellipsoid_coupling.flow.openfoam.decomposed import PART, whole_case
 from ellipsoid_coupling.flow.openfoam.files import decimal, packed
 from ellipsoid_coupling.flow.openfoam.plane import SINGLE, thin_axis
-from ellipsoid_coupling.flow.openfoam.times import Chosen, choose_time, is_time, unsolved
+from ellipsoid_coupling.flow.openfoam.times import Chosen, is_time, unsolved
 from ellipsoid_coupling.flow.openfoam.vtk_files import REMEDY, check_internal, read_patch
 from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
@@ -92,12 +93,12 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
     """
     case, wanted = _located(folder)
-    chosen = choose_time(case, wanted)
-    solution = read_solution(chosen.places)
+    with whole_case(case, wanted) as chosen:
+        solution = read_solution(chosen.places)
+        note = chosen.note + _change(chosen, solution)
     if chosen.only_start and solution.velocity.uniform:
         raise unsolved(case, "no time beyond 0, where U is uniform")
     _require_no_wedge(case, solution.mesh)
-    note = chosen.note + _change(chosen, solution)
     origin = f"OpenFOAM case {readable(case.resolve().name)}, {note}"
     return _field(_read_foam(case, solution), str(case), origin, allow_misfit)
 
@@ -141,6 +142,8 @@ def _located(path: Path) -> tuple[Path, str | None]:
         around = path.resolve().parent
         if is_folder(around / "constant"):
             case, wanted = around, path.resolve().name
+    if PART.fullmatch(case.resolve().name) and is_folder(case.resolve().parent / "system"):
+        case = case.resolve().parent
     if not is_folder(case):
         if path.suffix in _VTK_FILES and is_ordinary(path):
             raise _legacy(path)
@@ -150,8 +153,8 @@ def _located(path: Path) -> tuple[Path, str | None]:
         if any(case.glob("*.vtk")):
             raise _legacy(case)
         remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
-        if re.fullmatch(r"processors?\d+(_\d+-\d+)?", case.resolve().name):
-            remedy = "It is a part of a case: run reconstructPar there and name the whole case."
+        if PART.fullmatch(case.resolve().name):
+            remedy = "It is a part of a case: name the folder with all of them and system beside."
         raise _error(case, "an OpenFOAM case folder", "no system/controlDict in it", remedy)
     return case, wanted
 

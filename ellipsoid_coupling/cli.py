@@ -90,6 +90,55 @@ def flow(
 
 
 @app.command
+def new(
+    case: Path,
+    /,
+    *,
+    out: Path | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    length: float | None = None,
+    width: float | None = None,
+    density: float = 2.0,
+    allow_misfit: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
+
+    Parameters
+    ----------
+    case
+        A solved OpenFOAM case (folder, time, part, .foam file), the output of foamToVTK, or a saved flow.
+    out
+        The scene file (.toml).
+    force
+        Overwrite it.
+    length
+        Of a particle, in the units of the case; a 50th of its shorter side if left out.
+    width
+        Of a particle; half its length if left out.
+    density
+        The particles', in units of the fluid's.
+    allow_misfit
+        Take a flow even if it is far off the solver's U.
+    """
+    from ellipsoid_coupling.output.new_scene import (
+        next_commands,
+        require_new,
+        scene_of_case,
+        write_scene,
+    )
+    from ellipsoid_coupling.output.scene_choices import Wishes
+
+    if out is not None:
+        require_new(out, force=force)
+    text = scene_of_case(case, Wishes(length, width, density), allow_misfit=allow_misfit)
+    if out is None:
+        _print(text.rstrip("\n"))
+        return
+    write_scene(text, out)
+    _print(f"{out} is written. Look through it, then:", *next_commands(out, case))
+
+
+@app.command
 def plan(
     scene: str,
     /,

@@ -150,8 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     middle = points[triangles].mean(axis=1)
     triangles = triangles[np.argsort(middle[:, 0] + middle[:, 1], kind="stable")]
     mesh = extruded(points, triangles, [(name, len(line) - 1) for name, line in parts])
-    folder = options.out / "constant" / "polyMesh"
-    scratch = options.out / "new_mesh"
+    case = Path(options.out)
+    folder, scratch = case / "constant" / "polyMesh", case / "new_mesh"
     write_own_mesh(mesh, scratch)
     shutil.rmtree(folder, ignore_errors=True)
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -68,7 +68,7 @@ def _folders(case: Path) -> list[Path]:
     together = [path for path in found if path.name.startswith("processors")]
     counts = {path.name.partition("_")[0] for path in together}
     if len(counts) + bool(numbered) > 1:
-        names = ", ".join(sorted(counts | {path.name for path in numbered[:1]}))
+        names = ", ".join(sorted(counts | {path.name for path in sorted(numbered)[:1]}))
         raise InputError(
             str(case), "the parts of one decomposition", f"those of several ({names})",
             "Remove the older ones, or name the case itself after reconstructPar.",
@@ -108,10 +108,13 @@ def _put_together(case: Path, folders: list[Path], wanted: str | None, scratch: 
     whole = scratch / "whole"
     mesh = whole_mesh(case, parts)
     write_own_mesh(mesh, whole)
-    before = chosen.before
-    for time in times:
-        complete = _write_fields(case, folders, parts, mesh, whole, time)
-        before = whole / time if complete and time != places.time else None
+    _write_fields(case, folders, parts, mesh, whole / places.time)
+    before = None
+    # Its change since then is told where that time can be read.
+    for folder in times[1:]:
+        with suppress(InputError):
+            _write_fields(case, folders, parts, mesh, whole / folder)
+            before = whole / folder
     mesh_folder = whole / "constant" / "polyMesh"
     note = f"{chosen.note}, in {len(parts)} parts"
     return Chosen(
@@ -128,15 +131,14 @@ def _missing(case: Path, folders: list[Path], name: Path) -> InputError:
 
 
 def _write_fields(
-    case: Path, folders: list[Path], parts: list[Part], mesh: Mesh, whole: Path, time: Path
-) -> bool:
-    """U and phi of a time; False where a part has no U. phi is left out where one lacks it."""
-    present = {name: [packed(f / time / name) is not None for f in folders] for name in FIELDS}
-    if not all(present["U"]):
-        return False
-    (whole / time).mkdir(parents=True)
+    case: Path, folders: list[Path], parts: list[Part], mesh: Mesh, target: Path
+) -> None:
+    """U and, where all parts have it, phi of a time; `target` is its folder in the whole."""
+    time = Path(target.name)
+    target.mkdir(parents=True)
     for name in FIELDS:
-        if all(present[name]):
+        if all(packed(folder / time / name) is not None for folder in folders):
             paths = [folder / time / name for folder in folders]
-            write_whole_field(case, paths, parts, mesh, whole / time / name)
-    return True
+            write_whole_field(case, paths, parts, mesh, target / name)
+        elif name == "U":
+            raise _missing(case, folders, time / name)

@@ -50,7 +50,7 @@ def _count(case: Path, numbers: Sequence[Index], what: str) -> int:
     every = np.concatenate(numbers)
     least, most = int(every.min(initial=0)), int(every.max(initial=-1))
     if least < 0 or most >= min(every.size, MOST_MESH_ENTRIES):
-        raise unfit(case, what, f"the number {least if least < 0 else most}")
+        raise unfit(case, what, f"the number {least if least < 0 else most} among {every.size}")
     missing = np.flatnonzero(np.bincount(every, minlength=most + 1) == 0)
     if missing.size:
         raise unfit(case, what, f"none with the number {missing[0]} ({missing.size} missing)")

@@ -23,7 +23,7 @@ from scipy.spatial import QhullError
 
 from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.limits import MOST_PATCHES
-from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary
+from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.mesh_flow import MeshFlow, flow_field
 from ellipsoid_coupling.flow.openfoam.case import (
@@ -33,19 +33,16 @@ from ellipsoid_coupling.flow.openfoam.case import (
     read_solution,
     write_mesh,
 )
-from ellipsoid_coupling.flow.openfoam.decomposed import PART, whole_case
-from ellipsoid_coupling.flow.openfoam.files import decimal, packed
+from ellipsoid_coupling.flow.openfoam.decomposed import whole_case
+from ellipsoid_coupling.flow.openfoam.files import decimal
+from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.plane import SINGLE, thin_axis
-from ellipsoid_coupling.flow.openfoam.times import Chosen, is_time, unsolved
+from ellipsoid_coupling.flow.openfoam.times import Chosen, unsolved
 from ellipsoid_coupling.flow.openfoam.vtk_files import REMEDY, check_internal, read_patch
 from ellipsoid_coupling.flow.polygons import Index, Polygons, polygons
 from ellipsoid_coupling.flow.stream_function import Patch
 
 Array = NDArray[np.float64]
-
-# Paths that stand for the case around them.
-_CASE_FILES = (".foam", ".OpenFOAM")
-_VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
 
 
 class _Cells(NamedTuple):
@@ -92,7 +89,7 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     Raises InputError if the folder is missing or no case, if nothing has been solved, if the mesh is
     not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
     """
-    case, wanted = _located(folder)
+    case, wanted = locate(folder)
     with whole_case(case, wanted) as chosen:
         solution = read_solution(chosen.places)
         note = chosen.note + _change(chosen, solution)
@@ -129,41 +126,6 @@ def _field(raw: _Raw, where: str, origin: str, allow_misfit: bool) -> FlowField:
 
 def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
     return InputError(str(where), expected, found, remedy)
-
-
-def _located(path: Path) -> tuple[Path, str | None]:
-    """The case that a path means, and the time, if it names one; InputError if it means none."""
-    case, wanted = path, None
-    if path.suffix in _CASE_FILES:
-        case = path.parent
-    elif path.parts[-2:] == ("system", "controlDict"):
-        case = path.parent.parent
-    elif is_folder(path) and is_time(path.resolve().name):
-        around = path.resolve().parent
-        if is_folder(around / "constant"):
-            case, wanted = around, path.resolve().name
-    if PART.fullmatch(case.resolve().name) and is_folder(case.resolve().parent / "system"):
-        case = case.resolve().parent
-    if not is_folder(case):
-        if path.suffix in _VTK_FILES and is_ordinary(path):
-            raise _legacy(path)
-        found = "something else" if exists(case) else "no such folder"
-        raise _error(path, "a solved OpenFOAM case folder", found, "Check the path.")
-    if packed(case / "system/controlDict") is None:
-        if any(case.glob("*.vtk")):
-            raise _legacy(case)
-        remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
-        if PART.fullmatch(case.resolve().name):
-            remedy = "It is a part of a case: name the folder with all of them and system beside."
-        raise _error(case, "an OpenFOAM case folder", "no system/controlDict in it", remedy)
-    return case, wanted
-
-
-def _legacy(path: Path) -> InputError:
-    return _error(
-        path, "a solved OpenFOAM case folder", "files for ParaView",
-        "Name the folder of the case itself: its mesh and U are read from there, in full precision.",
-    )  # fmt: skip
 
 
 def _require_no_wedge(case: Path, mesh: Mesh) -> None:

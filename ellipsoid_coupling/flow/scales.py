@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow.field import FlowField
 
-# Points a side at which a flow is looked at.
-_POINTS = 200
+# Points a side at which a flow is looked at, and on a side of its rectangle.
+_POINTS, _ON_A_SIDE = 200, 401
 
 
 class FlowScales(NamedTuple):
@@ -39,10 +39,24 @@ def flow_scales(field: FlowField, box: Box) -> FlowScales:
     return FlowScales(float(speed.max()), float(np.sqrt(np.mean(speed**2))), float(shear.max()))
 
 
+def normal_speed(field: FlowField, side: int) -> float:
+    """The mean speed at which fluid passes a side of the flow's rectangle, over its points in the fluid.
+
+    side : 0 to 3, left, right, bottom, top
+    """
+    axis, end = divmod(side, 2)
+    ends = field.bounds[:2], field.bounds[2:]
+    along = np.linspace(*ends[1 - axis], _ON_A_SIDE)
+    across = np.full(_ON_A_SIDE, ends[axis][end])
+    sample = field.evaluate(*((across, along) if axis == 0 else (along, across)))
+    normal = sample.velocity_x if axis == 0 else sample.velocity_y
+    return float(np.mean(np.abs(normal), where=sample.inside)) if sample.inside.any() else 0.0
+
+
 def roomiest_box(field: FlowField, box: Box) -> Box | None:
     """The largest rectangle of a box that is all fluid, to a 200th of the box; None without fluid."""
     x, y = _middles(box, _POINTS)
-    found = _largest_rectangle(np.asarray(field.evaluate(*np.meshgrid(x, y)).inside))
+    found = largest_rectangle(np.asarray(field.evaluate(*np.meshgrid(x, y)).inside))
     if found is None:
         return None
     (left, right), (low, high) = found
@@ -60,7 +74,7 @@ def _middles(box: Box, count: int) -> tuple[NDArray[np.float64], NDArray[np.floa
     return x, y
 
 
-def _largest_rectangle(
+def largest_rectangle(
     inside: NDArray[np.bool_],
 ) -> tuple[tuple[int, int], tuple[int, int]] | None:
     """Columns and rows, [first, last), of the largest rectangle of True.

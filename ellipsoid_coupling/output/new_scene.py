@@ -14,15 +14,18 @@ from ellipsoid_coupling.flow import FlowField, flow_at
 from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.viscosity import read_viscosity
 from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.flow.scales import normal_speed
 from ellipsoid_coupling.geometry.patches import kind_of_type
 from ellipsoid_coupling.output.scene_choices import Choices, Wishes, choose
 from ellipsoid_coupling.physics.stokes import LARGEST_REYNOLDS
 from ellipsoid_coupling.scenes.files import toml_key, toml_value
 from ellipsoid_coupling.scenes.scene import Flow
-from ellipsoid_coupling.scenes.sides import known_kinds
+from ellipsoid_coupling.scenes.sides import SIDES, known_kinds
 
 # An inlet or outlet lets this part of the larger of its flows through in the other direction, at most.
 _ONE_WAY = 0.05
+# Of the largest speed: what passes a side that is a wall.
+_TIGHT = 5e-3
 
 
 def scene_of_case(path: Path, wishes: Wishes, *, allow_misfit: bool = False) -> str:
@@ -49,9 +52,9 @@ def scene_text(c: Choices, field: FlowField, case: str, viscosity: float | None 
     field : the flow, whose outline names the patches
     case : its path
     """
-    boundaries = [] if field.outline is None else _boundaries(c, field.outline)
+    boundaries = _sides(c, field) if field.outline is None else _boundaries(c, field.outline)
     parts = (
-        _head(c, field.origin), _domain(c, patches=bool(boundaries)), _particles(c), _start(c),
+        _head(c, field.origin), _domain(c), _particles(c), _start(c),
         _flow(c, case, viscosity), boundaries, _numerics(c), _MORE,
     )  # fmt: skip
     return "\n".join("\n".join(part) + "\n" for part in parts if part)
@@ -87,16 +90,14 @@ def _head(c: Choices, origin: str) -> list[str]:
     ]
 
 
-def _domain(c: Choices, *, patches: bool) -> list[str]:
-    boundary, why = "reflecting", "at all sides: open, reflecting or periodic"
-    if patches:
-        boundary, why = "open", "where no patch bounds the fluid; for patches see [boundaries]"
+def _domain(c: Choices) -> list[str]:
+    why = "where no [boundaries] say another thing"
     return [
         "# The mesh's box, upwards to whole cells of numerics.cell.",
         "[domain]",
         _line("x", list(c.domain[0])),
         _line("y", list(c.domain[1])),
-        _line("boundary", boundary, why),
+        _line("boundary", "open", why),
     ]
 
 
@@ -174,6 +175,21 @@ def _boundaries(c: Choices, outline: Outline) -> list[str]:
             lines += ["", *_opening(c, name, told, inflow, outflow)]
         else:
             lines += ["", f"[boundaries.{toml_key(name)}]", _line("kind", usual, told)]
+    return lines
+
+
+def _sides(c: Choices, field: FlowField) -> list[str]:
+    """The sides of a flow of which no patches are known: what the fluid does there."""
+    lines = [
+        "# What happens at each side: reflect, stick (they stay there), remove (they leave), periodic."
+    ]
+    for place, side in enumerate(SIDES):
+        axis, end = divmod(place, 2)
+        wall = float(f"{field.bounds[place]:.12g}") == c.domain[axis][end]
+        tight = normal_speed(field, place) <= _TIGHT * c.scales.largest
+        kind = "reflect" if wall and tight else "remove"
+        why = "no fluid passes" if tight else "fluid passes"
+        lines += ["", f"[boundaries.{side}]", _line("kind", kind, why)]
     return lines
 
 

@@ -42,7 +42,6 @@ _LONGEST_UNITS = 100
 _MOST_COPIED = 100
 # This many characters of a string count as one part.
 _TEXT_PART = 10
-_WHOLE = 2.0**53
 _WIDTH = {"List<scalar>": 1, "List<vector>": 3}
 _IN_A_LIST = frozenset("0123456789+-.eE() \t\r\n")
 
@@ -169,7 +168,8 @@ class _Parser:
         if first == "$":
             self._copy(section)
             return
-        name, _ = self._scan.word()
+        # A pattern keeps its quotes: it is no name, and stands for nothing where names are looked up.
+        name = f'"{self._scan.string()}"' if first == '"' else self._scan.word()[0]
         # Entries from ``$name;`` stand before the section, and another entry may replace them.
         if section.places.get(name, -1) >= section.at:
             self._scan.refuse(start, f"a second entry {name}")
@@ -314,10 +314,7 @@ class _Parser:
 
         try:
             tree = arithmetic.parse(self._scan.string(), variable)
-            value = arithmetic.evaluate(tree)
-            # Whole numbers stay whole: 3*$cells may count cells.
-            whole = value.is_integer() and abs(value) < _WHOLE
-            return Number(int(value) if whole else value, start)
+            return Number(arithmetic.evaluate(tree), start)
         except arithmetic.ExpressionError as error:
             self._scan.refuse(start, str(error))
 

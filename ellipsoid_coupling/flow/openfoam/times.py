@@ -115,4 +115,4 @@ def _no_velocity(case: Path, times: list[str], wanted: str | None) -> InputError
 
 def unsolved(case: Path, found: str) -> InputError:
     """The error for a case that has been meshed, but not solved."""
-    return InputError(str(case), "a solved case", found, "Run the solver.")
+    return InputError(str(case), "a solved case", found, "Run the solver, or add --solve.")

@@ -120,22 +120,18 @@ def new(
     allow_misfit
         Take a flow even if it is far off the solver's U.
     """
-    from ellipsoid_coupling.output.new_scene import (
-        next_commands,
-        require_new,
-        scene_of_case,
-        write_scene,
-    )
+    from ellipsoid_coupling.output import new_scene
     from ellipsoid_coupling.output.scene_choices import Wishes
 
     if out is not None:
-        require_new(out, force=force)
-    text = scene_of_case(case, Wishes(length, width, density), allow_misfit=allow_misfit)
+        new_scene.require_new(out, force=force)
+    wishes = Wishes(length, width, density)
+    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
     if out is None:
         _print(text.rstrip("\n"))
         return
-    write_scene(text, out)
-    _print(f"{out} is written. Look through it, then:", *next_commands(out, case))
+    new_scene.write_scene(text, out)
+    _print(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))
 
 
 @app.command
@@ -144,9 +140,12 @@ def plan(
     /,
     *,
     model: str | None = None,
+    flow: FlowChoice = _FLOW,
     set_: Settings = None,
 ) -> None:
     """List every term of a scene: whether it runs, and why.
+
+    With --flow also what the flow is, its patches, and the particles' Stokes and Reynolds numbers.
 
     Parameters
     ----------
@@ -155,13 +154,22 @@ def plan(
     model
         The model that it is planned for; the first of the hierarchy, microscopic, if left out.
     """
+    from ellipsoid_coupling.flow.openfoam.viscosity import viscosity_at
     from ellipsoid_coupling.models import kind_named, model_kinds, plan_terms
+    from ellipsoid_coupling.output.plan_report import print_flow
+    from ellipsoid_coupling.simulation import scene_flow
 
     kind = model_kinds()[0] if model is None else kind_named(model)
     chosen = _scene(scene, set_)
     terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
+    field = None
+    if flow.flow is not None:
+        with ProgressReporter("flow") as report:
+            field = scene_flow(chosen, flow.given(), report)
     print_table(f"{chosen.name}, {kind.name}", ("term", "", "why"), rows)
+    if field is not None and flow.flow is not None:
+        print_flow(chosen, field, viscosity_at(flow.flow))
 
 
 @app.command

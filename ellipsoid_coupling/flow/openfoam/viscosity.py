@@ -9,11 +9,21 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import MOST_DICTIONARY_BYTES
 from ellipsoid_coupling.flow.openfoam.entries import skip_entry
 from ellipsoid_coupling.flow.openfoam.files import FoamFile, open_file, packed
+from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.tokens import Token, after_space
 
 # OpenFOAM.org's has another name since version 9.
 _FILES = ("transportProperties", "physicalProperties")
 _NEWTONIAN = {"transportModel": "Newtonian", "viscosityModel": "constant"}
+
+
+def viscosity_at(path: Path) -> float | None:
+    """As `read_viscosity`, of the case that a path means; None where it means none, as a saved flow."""
+    try:
+        case, _ = locate(path)
+    except InputError:
+        return None
+    return read_viscosity(case)
 
 
 def read_viscosity(case: Path) -> float | None:

@@ -37,7 +37,7 @@ SOLUTION = """solvers
 PISO { nCorrectors 4; nNonOrthogonalCorrectors 0; pRefCell 0; pRefValue 0; }
 PIMPLE { nOuterCorrectors 1; nCorrectors 4; pRefCell 0; pRefValue 0; }
 SIMPLE { consistent yes; pRefCell 0; pRefValue 0; residualControl { p 1e-8; "(U|k)" 1e-8; } }
-potentialFlow { nNonOrthogonalCorrectors 0; }
+potentialFlow { nNonOrthogonalCorrectors 0; PhiRefCell 0; PhiRefValue 0; }
 relaxationFactors { equations { U 0.9; ".*" 0.7; } }
 """
 STEADY = "ddtSchemes { default steadyState; }"
@@ -159,9 +159,11 @@ def test_solve_without_a_case_is_refused(capsys: pytest.CaptureFixture[str]) -> 
 @needs_openfoam
 @pytest.mark.usefixtures("own_cache")
 def test_every_solver_finds_the_cavitys_flow(tmp_path: Path) -> None:
-    """The flow of icoFoam comes to exp(-5.1 * 6) near to rest. The others have the transposed gradient in their stress,
-    which on a mesh is not quite free of divergence: 1 % of the lid's speed on 16 cells, alike for all
-    three up to how they couple p and U (2e-3). potentialFoam's flow is another; it writes phi.
+    """The flow of icoFoam comes to exp(-5.1 * 6) near to rest.
+
+    The others have the transposed gradient in their stress, which on a mesh is not quite free of
+    divergence: 1 % of the lid's speed on 16 cells, alike for all three up to how they couple p and U
+    (2e-3). potentialFoam's flow is another; it writes phi.
     """
     at_rest = read_case(solve_case("cavity", 16)).evaluate(*points(200)).velocity_x
     found, told = {}, list[str]()

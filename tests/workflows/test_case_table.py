@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from workflows import case_table
+from tests.workflows.test_workflows import workflow
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -16,7 +16,7 @@ def test_a_row_tells_what_a_user_would_see(
 ) -> None:
     nothing = tmp_path / "no case"
     nothing.mkdir()
-    assert case_table.main([str(DATA / "channel_8"), str(nothing), "--models"]) == 0
+    assert workflow("case_table").main([str(DATA / "channel_8"), str(nothing), "--models"]) == 0
     head, _, channel, other = capsys.readouterr().out.splitlines()
     assert head == "| case | read | slip | rms |"
     assert channel.startswith("| channel_8 | yes | ")

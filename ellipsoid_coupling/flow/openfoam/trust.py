@@ -53,7 +53,8 @@ _FACES = 6
 # Never read by the programs that run here, and often in a case.
 _UNREAD = frozenset((
     "turbulenceProperties", "momentumTransport", "RASProperties", "LESProperties",
-    "g", "foamDataToFluentDict", "sampleDict", "streamlines", "probes", "phi", "Phi", "streamFunction",
+    "g", "foamDataToFluentDict", "mapFieldsDict", "PDRblockMeshDict",
+    "sampleDict", "streamlines", "probes", "phi", "Phi", "streamFunction",
     "k", "epsilon", "omega", "nut", "nuTilda", "R", "uniform", LEFT_OUT,
 ))  # fmt: skip
 

@@ -23,10 +23,11 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
 SHIPPED = Path(__file__).parent / "shipped"
 # What turns a case into a field; its hash names the field kept beside a case in the cache.
 READING = (
-    "field.py", "mesh_flow.py", "openfoam/case.py", "openfoam/entries.py", "openfoam/fields.py",
-    "openfoam/files.py", "openfoam/patterns.py", "openfoam/plane.py", "openfoam/reader.py",
-    "openfoam/times.py", "openfoam/tokens.py", "plates.py", "polygons.py", "spline.py",
-    "stream_function.py",
+    "field.py", "mesh_flow.py", "openfoam/case.py", "openfoam/collated.py", "openfoam/decomposed.py",
+    "openfoam/decomposed_fields.py", "openfoam/decomposed_mesh.py", "openfoam/entries.py",
+    "openfoam/fields.py", "openfoam/files.py", "openfoam/locate.py", "openfoam/patterns.py",
+    "openfoam/plane.py", "openfoam/reader.py", "openfoam/times.py", "openfoam/tokens.py",
+    "plates.py", "polygons.py", "spline.py", "stream_function.py",
 )  # fmt: skip
 
 

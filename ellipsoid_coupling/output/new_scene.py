@@ -142,13 +142,12 @@ def _flow(c: Choices, case: str, viscosity: float | None) -> list[str]:
             f"# Reynolds number of a particle at rest in the fastest fluid: {reynolds:.2g}"
             f"{'; beyond 1 the true drag is larger' if beyond else ''}.",
         ]
-    # A run takes the flow from --flow; without it, from here.
     place = [_line("case", case)] if "case" in Flow.model_fields else []
     return [
         *why,
         "[flow]",
         _line("source", "openfoam"),
-        _line("field", case),
+        _line("field", c.name, "given by --flow CASE"),
         *place,
         _line("drag", c.rates.drag, "gamma, per time"),
         _line("angular_drag", c.rates.angular_drag, "gamma_bar, per time"),
@@ -185,7 +184,7 @@ def _sides(c: Choices, field: FlowField) -> list[str]:
     ]
     for place, side in enumerate(SIDES):
         axis, end = divmod(place, 2)
-        wall = float(f"{field.bounds[place]:.12g}") == c.domain[axis][end]
+        wall = abs(field.bounds[place] - c.domain[axis][end]) < _TIGHT * c.cell
         tight = normal_speed(field, place) <= _TIGHT * c.scales.largest
         kind = "reflect" if wall and tight else "remove"
         why = "no fluid passes" if tight else "fluid passes"

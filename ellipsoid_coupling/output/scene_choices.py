@@ -26,6 +26,8 @@ _SAVED = (0.25, 0.5, 1.0)
 _FOLLOWING = 10.0
 # Relative: the same but for rounding; in one place, where a mesh may be saved in single precision.
 _SAME, _ON_SIDE = 1e-9, 1e-5
+# Digits of a number that all are right.
+_EXACT = 15
 _LONGEST_NAME = 80
 
 
@@ -77,10 +79,10 @@ def choose(
     InputError
         For a flow without room, without an end or at rest, or particles that are none.
     """
-    x_low, x_high, y_low, y_high = (_digits(end, 12) for end in field.bounds)
+    box = _mesh_box(field)
+    (x_low, x_high), (y_low, y_high) = box
     if math.isinf(x_low):
         raise InputError(name, "the flow of a case", "one without an end", "Name a solved case.")
-    box: Box = (x_low, x_high), (y_low, y_high)
     periodic = _periodic_sides(box, field.outline)
     upright = y_high - y_low > x_high - x_low
     if periodic:
@@ -119,6 +121,18 @@ def _rates(
     stokes_rates(length, width, density, 1.0, 1.0)  # refuses sizes that are none
     drag = _digits(_FOLLOWING * max(scales.shear, scales.typical / length))
     return StokesRates(drag, drag, 1.0, _digits((length**2 + width**2) / 20.0, 6))
+
+
+def _mesh_box(field: FlowField) -> Box:
+    """The box around the fluid, less rounding: 3.0000000000000004 is 3."""
+    x_low, x_high, y_low, y_high = field.bounds
+    if field.outline is not None:
+        ends = field.outline.ends.reshape(-1, 2)
+        (x_low, y_low), (x_high, y_high) = ends.min(axis=0), ends.max(axis=0)
+    return (
+        (_digits(x_low, _EXACT), _digits(x_high, _EXACT)),
+        (_digits(y_low, _EXACT), _digits(y_high, _EXACT)),
+    )
 
 
 def _size(box: Box, wishes: Wishes) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from ellipsoid_coupling.scenes import Scene, load_scene, parse_toml, scene_to_to
 from ellipsoid_coupling.scenes.scene import BoundaryPart
 from ellipsoid_coupling.scenes.sides import known_kinds
 
+DATA = Path(__file__).parents[1] / "data"
 NAMES = ("inlet", "outlet", "low wall", "high wall")
 
 
@@ -117,6 +118,21 @@ def test_rates_are_stokes_where_nu_is_known() -> None:
     assert (scene.particles.length, scene.particles.width) == (0.02, 0.01)
     with pytest.raises(InputError, match="width: expected at most the length"):
         text_of(channel(), None, Wishes(length=0.01, width=0.02))
+
+
+def test_a_case_is_read_with_its_viscosity(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A decomposed one as well: nu is 0.1 in both."""
+    for case in ("cavity_16", "collated_4"):
+        assert status_of("new", str(DATA / case), "--length", "0.05", "--allow-misfit") == 0
+        scene = loaded(capsys.readouterr().out)
+        rates = ec.stokes_rates(0.05, 0.025, 2.0, 1.0, 0.1)
+        assert scene.flow is not None
+        assert scene.flow.drag == pytest.approx(rates.drag, rel=1e-5)
+        assert scene.name == case
+    # Nothing is written without --out.
+    assert not list(tmp_path.iterdir())
 
 
 def test_reynolds_numbers_beyond_stokes_are_told() -> None:

@@ -143,6 +143,10 @@ def _verdict(what: str, reynolds: float) -> str:
     return f"{what}: WARNING: beyond {LARGEST_REYNOLDS:g}, where Stokes' formulas are too small"
 
 
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %" if part < 0.1 else f"{100.0 * part:.0f} %"
+
+
 def _neighbours(scene: Scene) -> Fact:
     """How many others are within a length of a particle, spread evenly over the start box."""
     start, particles = scene.start, scene.particles
@@ -153,5 +157,5 @@ def _neighbours(scene: Scene) -> Fact:
     covered = particles.number * math.pi / 4.0 * particles.length * particles.width / area
     return Fact(
         "neighbours", f"{number:.2g}",
-        f"within a length of a particle at the start, which they cover to {100.0 * covered:.2g} %",
+        f"within a length of a particle at the start, where they cover {_percent(covered)} of the area",
     )  # fmt: skip

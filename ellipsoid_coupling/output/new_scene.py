@@ -170,7 +170,7 @@ def _boundaries(c: Choices, outline: Outline) -> list[str]:
         elif not name.isprintable():
             lines += ["", f"# {readable(name)}: {usual}, by its {told}"]
         elif usual == "remove":
-            inflow, outflow = float(-flux[flux < 0.0].sum()), float(flux[flux > 0.0].sum())
+            inflow, outflow = abs(float(flux[flux < 0.0].sum())), float(flux[flux > 0.0].sum())
             lines += ["", *_opening(c, name, told, inflow, outflow)]
         else:
             lines += ["", f"[boundaries.{toml_key(name)}]", _line("kind", usual, told)]

@@ -167,10 +167,14 @@ def _domain(box: Box, along: int) -> tuple[Box, float]:
     sizes = [high - low for low, high in box]
     long, other = sizes[along], sizes[1 - along]
     least = max(1, round(_CELLS * min(1.0, long / other)))
-    for count in sorted(range(least // 2, 2 * least + 1), key=lambda n: abs(n - least)):
-        cells = count * other / long
-        if count and round(cells) and abs(cells - round(cells)) <= _SAME * cells:
-            return box, long / count
+    exact = [
+        count for count in range(max(1, least // 2), 2 * least + 1)
+        if abs(count * other / long - max(1, round(count * other / long))) <= _SAME * count
+    ]  # fmt: skip
+    if exact:
+        # Of the cells that divide both sides one that is short to write: 0.04, not 0.0303...
+        best = min(exact, key=lambda n: (len(repr(_digits(long / n, _EXACT))), abs(n - least)))
+        return box, _digits(long / best, _EXACT)
     cell = long / least
     low, _ = box[1 - along]
     wider = low, low + math.ceil(other / cell - _SAME) * cell

@@ -67,7 +67,7 @@ def test_the_scene_fits_the_flow() -> None:
     scene = loaded(text_of(channel()))
     assert (scene.name, scene.domain.x, scene.domain.y) == ("my_case", (0.0, 3.0), (0.0, 1.0))
     grid = scene_grid(scene)
-    assert (grid.ny, grid.nx) == (33, 99)
+    assert (grid.ny, grid.nx, grid.cell) == (25, 75, 0.04)
     assert 0.0 < scene.start.x[0] < scene.start.x[1] < 3.0
     assert 0.0 < scene.start.y[0] < scene.start.y[1] < 1.0
     # The rms of 4 y (1 - y) is (8/15)^(1/2).

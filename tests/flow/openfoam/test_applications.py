@@ -198,3 +198,23 @@ def test_a_run_to_its_end_writes_on_the_way_and_leaves_the_case_alone(tmp_path: 
     assert sorted(found.relative_to(case) for found in case.rglob("*")) == before
     # To rest, the same files have another solution.
     assert solve_case(case) != path
+
+
+@pytest.mark.openfoam
+@needs_openfoam
+@pytest.mark.usefixtures("own_cache")
+def test_plan_solves_only_where_it_is_told_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The whole way up to a run: an unsolved case is refused, with --solve its flow is told."""
+    case = made(tmp_path, "icoFoam")
+    shutil.copytree(case / "0.orig", case / "0")
+    with pytest.raises(SystemExit, match="2"):
+        main(["plan", "cavity_free", "--flow", str(case)])
+    assert "--solve" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(["plan", "cavity_free", "--flow", str(case), "--solve"])
+    assert not ended.value.code
+    told, progress = capsys.readouterr()
+    assert "Stokes number" in told
+    assert "by icoFoam, 16 cells: icoFoam" in progress

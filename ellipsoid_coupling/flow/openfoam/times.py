@@ -97,7 +97,8 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
         if packed(folder / part) is None:
             raise InputError(
                 str(case), "an OpenFOAM case folder", f"no constant/polyMesh/{part} in it",
-                "Name the folder that holds constant, system and the times; mesh and solve it, or add --solve.",
+                "Name the folder that holds constant, system and the times; mesh and solve it, "
+                "or add --solve.",
             )  # fmt: skip
         newest = newest or (with_part[-1] if with_part else None)
         folders[part] = folder

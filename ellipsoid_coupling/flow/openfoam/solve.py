@@ -193,11 +193,10 @@ class _Solving:
 
     @property
     def run(self) -> Run:
-        """The solver, and how far it goes; for a trusted case as its parameters say."""
+        """The solver, and how far it goes; a trusted case goes to rest, and has its endTime to itself."""
         if self.plain is not None:
             return self.plain.run
-        at_rest = _number(self.source, "atRest", 1.0)
-        return Run(APPLICATIONS["icoFoam"], _number(self.source, "endTime", math.inf), at_rest)
+        return Run(APPLICATIONS["icoFoam"], math.inf, _number(self.source, "atRest", 1.0))
 
     @property
     def kept_as(self) -> str:

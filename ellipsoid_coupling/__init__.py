@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     )
     from ellipsoid_coupling.flow import FlowField
     from ellipsoid_coupling.models import register_model
+    from ellipsoid_coupling.physics.stokes import StokesRates, stokes_rates
     from ellipsoid_coupling.result import Result
     from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
     from ellipsoid_coupling.simulation import simulate
@@ -39,11 +40,13 @@ __all__ = [
     "RunError",
     "RunFolder",
     "Scene",
+    "StokesRates",
     "WriteError",
     "builtin_scenes",
     "load_scene",
     "register_model",
     "simulate",
+    "stokes_rates",
 ]
 
 # Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
@@ -51,6 +54,7 @@ _HOMES = {
     "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
     "flow": ("FlowField",),
     "models": ("register_model",),
+    "physics.stokes": ("StokesRates", "stokes_rates"),
     "result": ("Result",),
     "scenes": ("Scene", "builtin_scenes", "load_scene"),
     "simulation": ("simulate",),

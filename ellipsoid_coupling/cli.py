@@ -90,14 +90,62 @@ def flow(
 
 
 @app.command
+def new(
+    case: Path,
+    /,
+    *,
+    out: Path | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    length: float | None = None,
+    width: float | None = None,
+    density: float = 2.0,
+    allow_misfit: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
+
+    Parameters
+    ----------
+    case
+        A solved OpenFOAM case (folder, time, part, .foam file), the output of foamToVTK, or a saved flow.
+    out
+        The scene file (.toml).
+    force
+        Overwrite it.
+    length
+        Of a particle, in the units of the case; a 50th of its shorter side if left out.
+    width
+        Of a particle; half its length if left out.
+    density
+        The particles', in units of the fluid's.
+    allow_misfit
+        Take a flow even if it is far off the solver's U.
+    """
+    from ellipsoid_coupling.output import new_scene
+    from ellipsoid_coupling.output.scene_choices import Wishes
+
+    if out is not None:
+        new_scene.require_new(out, force=force)
+    wishes = Wishes(length, width, density)
+    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
+    if out is None:
+        _print(text.rstrip("\n"))
+        return
+    new_scene.write_scene(text, out)
+    _print(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))
+
+
+@app.command
 def plan(
     scene: str,
     /,
     *,
     model: str | None = None,
+    flow: FlowChoice = _FLOW,
     set_: Settings = None,
 ) -> None:
     """List every term of a scene: whether it runs, and why.
+
+    With --flow also what the flow is, its patches, and the particles' Stokes and Reynolds numbers.
 
     Parameters
     ----------
@@ -106,13 +154,22 @@ def plan(
     model
         The model that it is planned for; the first of the hierarchy, microscopic, if left out.
     """
+    from ellipsoid_coupling.flow.openfoam.viscosity import viscosity_at
     from ellipsoid_coupling.models import kind_named, model_kinds, plan_terms
+    from ellipsoid_coupling.output.plan_report import print_flow
+    from ellipsoid_coupling.simulation import scene_flow
 
     kind = model_kinds()[0] if model is None else kind_named(model)
     chosen = _scene(scene, set_)
     terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
+    field = None
+    if flow.flow is not None:
+        with ProgressReporter("flow") as report:
+            field = scene_flow(chosen, flow.given(), report)
     print_table(f"{chosen.name}, {kind.name}", ("term", "", "why"), rows)
+    if field is not None and flow.flow is not None:
+        print_flow(chosen, field, viscosity_at(flow.flow))
 
 
 @app.command

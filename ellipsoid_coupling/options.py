@@ -129,10 +129,23 @@ class FlowChoice:
         bool, Parameter(negative="", help="Take a flow even if it is far off the solver's U.")
     ] = False
 
+    solve: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Mesh and solve the case of --flow first; the solution is kept in the cache.",
+        ),
+    ] = False
+
     def wanted(self, name: str, scene: Scene) -> Wanted | FlowField:
         """The flow of --flow; without it, for the run.toml of an earlier run, that run's own flow."""
-        from ellipsoid_coupling.flow import Wanted
         from ellipsoid_coupling.storage.run_flow import repeated_flow
 
-        before = repeated_flow(name, scene) if self.flow is None else None
-        return before or Wanted(self.flow, self.allow_misfit)
+        before = repeated_flow(name, scene) if self.flow is None and not self.solve else None
+        return before or self.given()
+
+    def given(self) -> Wanted:
+        """The flow of --flow."""
+        from ellipsoid_coupling.flow import Wanted
+
+        return Wanted(self.flow, self.allow_misfit, self.solve)

@@ -20,7 +20,7 @@ from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
 from ellipsoid_coupling.files.signals import Interruption, noticed
 from ellipsoid_coupling.files.writing import Arrays
-from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_flow
+from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_flow, wanted_path
 from ellipsoid_coupling.models import (
     ADAPTIVE_SCHEME,
     Model,
@@ -68,11 +68,12 @@ def scene_flow(
         return given
     if isinstance(given, str | Path):
         given = Wanted(Path(given))
-    path, allow_misfit = given or Wanted()
+    wanted = given or Wanted()
+    path = wanted_path(wanted, report)
     if path is None and scene.flow.source == "closed_form":
         return closed_form_flow(scene.flow, scene.domain)
     named = scene.flow.field, scene.flow.cells, path
-    return obtain_flow(*named, report=report, allow_misfit=allow_misfit)
+    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit)
 
 
 def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:

@@ -24,9 +24,10 @@ from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.frontier_report import CHOICE_COLUMNS, choice_rows, report_frontiers
 from ellipsoid_coupling.output.progress import ProgressReporter
-from ellipsoid_coupling.scenes.files import builtin_scenes
 from ellipsoid_coupling.simulation import scene_flow
 
+# The paper's.
+PAPERS = ["cavity", "cavity_free", "rotation", "stationary", "top_bottom"]
 QUICK: dict[str, Any] = {
     "particles.number": 100,
     "particles.realisations": 8,
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     """Compare the scenes; returns the folder with the results."""
     parser = argparse.ArgumentParser(description="error against run time of all models")
     parser.add_argument("--quick", action="store_true", help="tiny ensembles, a second a run")
-    parser.add_argument("--scenes", nargs="+", default=builtin_scenes(), metavar="NAME")
+    parser.add_argument("--scenes", nargs="+", default=PAPERS, metavar="NAME")
     parser.add_argument("--longest", type=float, help="seconds that one run may take")
     parser.add_argument("--out", type=Path, help="folder of the results")
     options = parser.parse_args(arguments)

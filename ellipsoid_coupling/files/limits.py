@@ -31,6 +31,8 @@ MOST_CASE_FILES = 2_000
 MOST_PARTS = 250_000
 # Time steps of a flow: a plane one comes to rest in thousands.
 MOST_FLOW_STEPS = 1_000_000
+# Times that a run may leave on the disk: fifty periods of twenty.
+MOST_WRITTEN_TIMES = 1_000
 # The log of an OpenFOAM program: icoFoam writes 400 bytes a time step.
 MOST_LOG_BYTES = 1_000_000_000
 # A field at the start of a run, unpacked: U of a plane mesh of a million cells in ascii.

@@ -14,7 +14,7 @@ from ellipsoid_coupling.flow.analytic import (
 from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
 from ellipsoid_coupling.flow.openfoam.programs import openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
-from ellipsoid_coupling.flow.provide import Wanted, find_flow, flow_at, obtain_flow
+from ellipsoid_coupling.flow.provide import Wanted, find_flow, flow_at, obtain_flow, wanted_path
 from ellipsoid_coupling.flow.spline import WallVelocity
 
 __all__ = [
@@ -35,4 +35,5 @@ __all__ = [
     "register_flow",
     "sample_flow",
     "solve_case",
+    "wanted_path",
 ]

@@ -36,8 +36,8 @@ def kept_field(path: Path, *, allow_misfit: bool = False) -> FlowField:
     from ellipsoid_coupling.flow.openfoam.reader import read_flow, sources
 
     try:
-        made_from = sources(path)
-        key = _key(made_from, allow_misfit)
+        with sources(path) as made_from:
+            key = _key(made_from, allow_misfit)
     except InputError:  # the reader knows better what each file should have been
         return read_flow(path, allow_misfit=allow_misfit)
     saved = cache_home() / "fields" / f"{key}.npz"

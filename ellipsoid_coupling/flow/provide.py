@@ -28,10 +28,31 @@ class Wanted(NamedTuple):
 
     path : of a solved case, or of what `flow_at` reads; None for the scene's own
     allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
+    solve : run the solver of the case at `path`, as its controlDict says; the solution is kept in the cache
     """
 
     path: Path | None = None
     allow_misfit: bool = False
+    solve: bool = False
+
+
+def wanted_path(wanted: Wanted, report: Report | None = None) -> Path | None:
+    """Where the flow that is wanted lies; the case there is solved first, if that is asked for.
+
+    The solution goes into the cache, and is taken from there when it is asked for again.
+
+    Raises
+    ------
+    InputError
+        For a case that `solve_case` refuses, or none to be solved.
+    RunError
+        As `solve_case`.
+    """
+    if not wanted.solve:
+        return wanted.path
+    if wanted.path is None:
+        raise InputError("--solve", "--flow CASE, the case to be solved", "none", "Add it.")
+    return solve_case(wanted.path, report=report, to_rest=False)
 
 
 def obtain_flow(

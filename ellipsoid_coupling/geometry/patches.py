@@ -41,9 +41,14 @@ def patch_parts(scene: Scene, outline: Outline) -> dict[str, BoundaryPart]:
     require_patches(scene, outline.names)
     named = scene.boundaries or {}
     return {
-        name: named.get(name) or BoundaryPart(kind=_BY_TYPE.get(kind, "remove"))
+        name: named.get(name) or BoundaryPart(kind=kind_of_type(kind))
         for name, kind in zip(outline.names, outline.types, strict=True)
     }
+
+
+def kind_of_type(patch_type: str) -> str:
+    """The kind of boundary that a patch of this type is, unless a scene says another."""
+    return _BY_TYPE.get(patch_type, "remove")
 
 
 def require_patches(scene: Scene, patches: tuple[str, ...]) -> None:

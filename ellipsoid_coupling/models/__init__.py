@@ -7,7 +7,7 @@ is added by `register_model`. Both then run through `simulate` and the command l
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Model, Setup
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind, Variable
-from ellipsoid_coupling.models.plan import model_terms, plan_terms
+from ellipsoid_coupling.models.plan import model_terms, plan_flow, plan_patches, plan_terms
 from ellipsoid_coupling.models.registry import (
     build_model,
     find_kind,
@@ -48,6 +48,8 @@ __all__ = [
     "model_kinds",
     "model_names",
     "model_terms",
+    "plan_flow",
+    "plan_patches",
     "plan_terms",
     "register_model",
     "require_fit",

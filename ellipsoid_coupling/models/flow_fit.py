@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.scales import normal_speed
 from ellipsoid_coupling.geometry.patches import require_patches
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SideName
@@ -116,23 +117,13 @@ def _no_wall(scene: Scene, flow: FlowField, axis: int, end: int) -> str:
     letter = "xy"[axis]
     if abs(at - wall) > _SAME_PLACE * (high - low):
         return f"the domain's side lies at {letter} = {at:.9g}, the flow's at {wall:.9g}"
-    across, largest = _mean_across(flow, axis, wall), flow.largest_speed
+    across, largest = normal_speed(flow, 2 * axis + end), flow.largest_speed
     if across > _TIGHT * largest:
         return (
             f"fluid crosses that side of its mesh with {across:.3g} on the mean, "
             f"the largest speed is {largest:.3g}"
         )
     return ""
-
-
-def _mean_across(flow: FlowField, axis: int, wall: float) -> float:
-    """The mean speed across a side of the flow's rectangle, over its points in the fluid."""
-    low, high = flow.bounds[2 - 2 * axis : 4 - 2 * axis]
-    along = np.linspace(low, high, _POINTS)
-    at = np.full(_POINTS, wall)
-    sample = flow.evaluate(*((at, along) if axis == 0 else (along, at)))
-    across = np.abs(sample.velocity_x if axis == 0 else sample.velocity_y)
-    return float(np.mean(across, where=sample.inside)) if sample.inside.any() else 0.0
 
 
 def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Floats) -> None:

@@ -177,16 +177,23 @@ def scene_to_toml(scene: Scene) -> str:
 
 def table_to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
     """Plain values first, then one section per nested table (strings, numbers, booleans, lists)."""
-    plain = [f"{k} = {_toml_value(v)}" for k, v in table.items() if not isinstance(v, dict)]
+    plain = [
+        f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items() if not isinstance(v, dict)
+    ]
     sections = [
-        f"\n[{prefix}{key}]\n{table_to_toml(value, f'{prefix}{key}.')}"
+        f"\n[{prefix}{toml_key(key)}]\n{table_to_toml(value, f'{prefix}{toml_key(key)}.')}"
         for key, value in table.items()
         if isinstance(value, dict)
     ]
     return "\n".join(plain) + ("\n" if plain else "") + "".join(sections)
 
 
-def _toml_value(value: object) -> str:
+def toml_key(key: str) -> str:
+    """One part of a key: as it is, or in quotes where TOML wants them, as for a patch "in(1)"."""
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else toml_value(key)
+
+
+def toml_value(value: object) -> str:
     """A JSON string, number, boolean or list of them is a TOML value as well, with two exceptions.
 
     TOML wants an escape for 0x7f, and has none for halves of letters, which bytes of a name that are

@@ -28,8 +28,11 @@ def test_a_scene_survives_being_written_and_read(name: str, tmp_path: Path) -> N
     assert load_scene(file) == scene
 
 
-def test_the_papers_five_scenes_are_there() -> None:
-    assert builtin_scenes() == ["cavity", "cavity_free", "rotation", "stationary", "top_bottom"]
+def test_the_papers_five_scenes_are_there_and_six_with_patches() -> None:
+    papers = {"cavity", "cavity_free", "rotation", "stationary", "top_bottom"}
+    others = {"channel", "cylinder", "elbow", "ring", "step", "vortex_street"}
+    assert builtin_scenes() == sorted(papers | others)
+    assert {name for name in builtin_scenes() if load_scene(name).named_patches} == others
 
 
 def test_the_cavity_has_the_papers_numbers() -> None:

@@ -252,22 +252,28 @@ def write_mesh(mesh: Mesh, folder: Path) -> None:
     for part in ("system", "constant/polyMesh", "1"):
         (folder / part).mkdir(parents=True)
     at = folder / "constant" / "polyMesh"
-    _write(folder / "system" / "controlDict", "dictionary", b"")
-    _write(at / "points", "vectorField", _list(mesh.points, "<f8"))
-    _write(at / "faces", "faceCompactList", _list(mesh.begins, "<i4") + _list(mesh.corners, "<i4"))
-    _write(at / "owner", "labelList", _list(mesh.owner, "<i4"))
-    _write(at / "neighbour", "labelList", _list(mesh.neighbour, "<i4"))
+    write_foam(folder / "system" / "controlDict", "dictionary", b"")
+    write_foam(at / "points", "vectorField", foam_list(mesh.points, "<f8"))
+    write_foam(
+        at / "faces",
+        "faceCompactList",
+        foam_list(mesh.begins, "<i4") + foam_list(mesh.corners, "<i4"),
+    )
+    write_foam(at / "owner", "labelList", foam_list(mesh.owner, "<i4"))
+    write_foam(at / "neighbour", "labelList", foam_list(mesh.neighbour, "<i4"))
     start = mesh.neighbour.size
     text = f"1\n(\nrim {{ type patch; nFaces {mesh.owner.size - start}; startFace {start}; }}\n)\n"
-    _write(at / "boundary", "polyBoundaryMesh", text.encode("ascii"))
+    write_foam(at / "boundary", "polyBoundaryMesh", text.encode("ascii"))
 
 
-def _list(values: NDArray[np.generic], dtype: str) -> bytes:
+def foam_list(values: NDArray[np.generic], dtype: str) -> bytes:
+    """A list in OpenFOAM's binary form."""
     raw = b"(" + values.astype(dtype).tobytes() + b")" if len(values) else b""
     return f"{len(values)}\n".encode("ascii") + raw
 
 
-def _write(path: Path, kind: str, body: bytes) -> None:
+def write_foam(path: Path, kind: str, body: bytes) -> None:
+    """A file of this class, in binary where it is no dictionary, with OpenFOAM's header."""
     written = "ascii" if kind in ("dictionary", "polyBoundaryMesh") else "binary"
     header = (
         f'FoamFile\n{{\nversion 2.0;\nformat {written};\narch "LSB;label=32;scalar=64";\n'

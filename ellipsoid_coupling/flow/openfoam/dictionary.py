@@ -168,7 +168,8 @@ class _Parser:
         if first == "$":
             self._copy(section)
             return
-        name, _ = self._scan.word()
+        # A pattern keeps its quotes: it is no name, and stands for nothing where names are looked up.
+        name = f'"{self._scan.string()}"' if first == '"' else self._scan.word()[0]
         # Entries from ``$name;`` stand before the section, and another entry may replace them.
         if section.places.get(name, -1) >= section.at:
             self._scan.refuse(start, f"a second entry {name}")

@@ -130,7 +130,7 @@ def open_file(path: Path, *kinds: str, most: int | None = None) -> FoamFile:
     is_packed = there != path
     size = _BEGINNING if most is None else min(most, _BEGINNING)
     start = unpack_beginning(data, there, expected, size) if is_packed else data
-    file = _opened(there, start, kinds)
+    file = opened(there, start, kinds)
     room = _room(file) if most is None else most
     if is_packed:
         data = unpack(data, there, expected, min(room, MOST_CASE_FILE_BYTES))
@@ -148,9 +148,9 @@ def _room(file: FoamFile) -> int:
     return _BEGINNING + number * _ENTRY_BYTES[file.kind]
 
 
-def _opened(there: Path, data: bytes, kinds: tuple[str, ...]) -> FoamFile:
+def opened(there: Path, data: bytes, kinds: tuple[str, ...]) -> FoamFile:
     """The file, of which `data` has at least the header."""
-    header, start = _header(there, data)
+    header, start = read_header(there, data)
     kind, written = header.get("class", "none"), header.get("format", "none")
     arch = _ARCH.fullmatch(header.get("arch", "LSB;label=32;scalar=64"))
     for key, found, known in (("class", kind, kinds), ("format", written, ("ascii", "binary"))):
@@ -166,7 +166,7 @@ def _opened(there: Path, data: bytes, kinds: tuple[str, ...]) -> FoamFile:
     return FoamFile(there, data, start, kind, written == "binary", label, scalar)
 
 
-def _header(path: Path, data: bytes) -> tuple[dict[str, str], int]:
+def read_header(path: Path, data: bytes) -> tuple[dict[str, str], int]:
     """The entries of FoamFile { ... } and the byte behind it."""
     file = FoamFile(path, data, 0, "", False, np.dtype("<i4"), np.dtype("<f8"))
     first = file.token(0, "FoamFile")

@@ -10,6 +10,7 @@ from ellipsoid_coupling.flow.openfoam.blocks import PATCH_TYPES
 from ellipsoid_coupling.flow.openfoam.case import Mesh, read_mesh, write_mesh
 from ellipsoid_coupling.flow.openfoam.rules import PATCH_NAME
 from ellipsoid_coupling.flow.openfoam.times import Places
+from ellipsoid_coupling.flow.openfoam.tokens import name_at
 
 # Pairs of patches would need further entries of the mesh.
 _ALONE = tuple(kind for kind in PATCH_TYPES if kind != "cyclic")
@@ -39,8 +40,15 @@ def write_own_mesh(mesh: Mesh, case: Path) -> None:
     boundary = case / "constant" / "polyMesh" / "boundary"
     head = boundary.read_text(encoding="ascii").partition("}")[0]
     patches = "".join(
-        f"{name} {{ type {kind}; nFaces {count}; startFace {start}; }}\n"
+        f"{patch_word(name)} {{ type {kind}; nFaces {count}; startFace {start}; }}\n"
         for name, kind, start, count, _ in mesh.patches
     )
     text = f"{head}}}\n\n{len(mesh.patches)}\n(\n{patches})\n"
-    boundary.write_text(text, encoding="ascii")
+    boundary.write_text(text, encoding="latin-1")
+
+
+def patch_word(name: str) -> str:
+    """A patch's name as a case has it: in quotes, where it is no word."""
+    token = name_at(name.encode("latin-1"), 0)
+    whole = token is not None and token.kind == "word" and token.text == name
+    return name if whole else f'"{name}"'

@@ -36,9 +36,9 @@ def openfoam_available() -> bool:
     return all(shutil.which(program) for program in PROGRAMS)
 
 
-def require_openfoam() -> None:
-    """RunError with the line that installs OpenFOAM, where it is missing."""
-    missing = [program for program in PROGRAMS if not shutil.which(program)]
+def require_openfoam(further: Sequence[str] = ()) -> None:
+    """RunError with the line that installs OpenFOAM, where it, or one of `further` programs, is missing."""
+    missing = [program for program in (*PROGRAMS, *further) if not shutil.which(program)]
     if missing:
         raise RunError(f"OpenFOAM is missing ({', '.join(missing)}). Install it: {INSTALL}")
 

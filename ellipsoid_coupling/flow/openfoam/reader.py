@@ -9,8 +9,8 @@ in double precision without them.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import islice
 from pathlib import Path
@@ -21,21 +21,19 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.limits import MOST_PATCHES
-from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary
+from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.mesh import MeshFlow
 from ellipsoid_coupling.flow.mesh_flow import flow_field
 from ellipsoid_coupling.flow.openfoam.case import Mesh, Solution, read_cells, read_solution
+from ellipsoid_coupling.flow.openfoam.decomposed import whole_case
 from ellipsoid_coupling.flow.openfoam.files import decimal, packed
+from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.plane_mesh import Raw, of_case, of_vtk
-from ellipsoid_coupling.flow.openfoam.times import Chosen, choose_time, is_time, unsolved
+from ellipsoid_coupling.flow.openfoam.times import Chosen, unsolved
 from ellipsoid_coupling.flow.openfoam.vtk_files import REMEDY, check_internal, read_patch
 
 Array = NDArray[np.float64]
-
-# Paths that stand for the case around them.
-_CASE_FILES = (".foam", ".OpenFOAM")
-_VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
 
 
 class Sources(NamedTuple):
@@ -55,21 +53,27 @@ def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
     return read(path, allow_misfit=allow_misfit)
 
 
-def sources(path: Path) -> Sources:
-    """The files that `read_flow` would read at a path; InputError where there is no case."""
+@contextmanager
+def sources(path: Path) -> Iterator[Sources]:
+    """The files that `read_flow` would read at a path; InputError where there is no case.
+
+    Those of a decomposed case are put together for as long as the context lasts.
+    """
     if _is_vtk(path):
         step = _vtk_step(_vtk_folder(path))
         boundary = islice((step / "boundary").glob("*.vtp"), MOST_PATCHES)
-        return Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step))
-    case, wanted = located(path)
-    chosen = choose_time(case, wanted)
-    time, points, faces = chosen.places
-    mesh = (faces / name for name in ("faces", "owner", "neighbour", "boundary"))
-    wanted_files = [time / "U", time / "phi", points / "points", *mesh]
-    if chosen.before is not None:
-        wanted_files.append(chosen.before / "U")
-    found = (packed(file) for file in wanted_files)
-    return Sources(tuple(file for file in found if file is not None), _case_origin(case, chosen))
+        yield Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step))
+        return
+    case, wanted = locate(path)
+    with whole_case(case, wanted) as chosen:
+        time, points, faces = chosen.places
+        mesh = (faces / name for name in ("faces", "owner", "neighbour", "boundary"))
+        wanted_files = [time / "U", time / "phi", points / "points", *mesh]
+        if chosen.before is not None:
+            wanted_files.append(chosen.before / "U")
+        found = (packed(file) for file in wanted_files)
+        files = tuple(file for file in found if file is not None)
+        yield Sources(files, _case_origin(case, chosen))
 
 
 def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
@@ -83,13 +87,14 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     Raises InputError if the folder is missing or no case, if nothing has been solved, if the mesh is
     not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
     """
-    case, wanted = located(folder)
-    chosen = choose_time(case, wanted)
-    solution = read_solution(chosen.places)
+    case, wanted = locate(folder)
+    with whole_case(case, wanted) as chosen:
+        solution = read_solution(chosen.places)
+        change = _change(chosen, solution)
     if chosen.only_start and solution.velocity.uniform:
         raise unsolved(case, "no time beyond 0, where U is uniform")
     _require_no_wedge(case, solution.mesh)
-    origin = _case_origin(case, chosen) + _change(chosen, solution)
+    origin = _case_origin(case, chosen) + change
     return _field(lambda: of_case(solution, str(case), origin), str(case), allow_misfit)
 
 
@@ -138,39 +143,6 @@ def _field(plane: Callable[[], MeshFlow], where: str, allow_misfit: bool) -> Flo
 
 def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
     return InputError(str(where), expected, found, remedy)
-
-
-def located(path: Path) -> tuple[Path, str | None]:
-    """The case that a path means, and the time, if it names one; InputError if it means none."""
-    case, wanted = path, None
-    if path.suffix in _CASE_FILES:
-        case = path.parent
-    elif path.parts[-2:] == ("system", "controlDict"):
-        case = path.parent.parent
-    elif is_folder(path) and is_time(path.resolve().name):
-        around = path.resolve().parent
-        if is_folder(around / "constant"):
-            case, wanted = around, path.resolve().name
-    if not is_folder(case):
-        if path.suffix in _VTK_FILES and is_ordinary(path):
-            raise _legacy(path)
-        found = "something else" if exists(case) else "no such folder"
-        raise _error(path, "a solved OpenFOAM case folder", found, "Check the path.")
-    if packed(case / "system/controlDict") is None:
-        if any(case.glob("*.vtk")):
-            raise _legacy(case)
-        remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
-        if re.fullmatch(r"processors?\d+(_\d+-\d+)?", case.resolve().name):
-            remedy = "It is a part of a case: run reconstructPar there and name the whole case."
-        raise _error(case, "an OpenFOAM case folder", "no system/controlDict in it", remedy)
-    return case, wanted
-
-
-def _legacy(path: Path) -> InputError:
-    return _error(
-        path, "a solved OpenFOAM case folder", "files for ParaView",
-        "Name the folder of the case itself: its mesh and U are read from there, in full precision.",
-    )  # fmt: skip
 
 
 def _require_no_wedge(case: Path, mesh: Mesh) -> None:

@@ -10,7 +10,8 @@ of the rule's own words and of numbers: nothing of a file is copied.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from ellipsoid_coupling.flow.openfoam.dictionary import (
@@ -23,6 +24,7 @@ from ellipsoid_coupling.flow.openfoam.dictionary import (
     Units,
     Word,
 )
+from ellipsoid_coupling.flow.openfoam.patterns import matches
 
 # Gives the value's text; None for an entry that is known, but of no use to the solver.
 Rule = Callable[[Section, str], str | None]
@@ -76,6 +78,37 @@ def subsection(section: Section, key: str) -> Section:
         found = "none" if value is None else "a value"
         raise section.error(section.places.get(key, section.at), f"a dictionary {key}", found)
     return value
+
+
+def without_patterns(
+    section: Section, names: Iterable[str], settled: frozenset[str] = frozenset()
+) -> Section:
+    """The section, and those in it, with names for patterns: "(U|k)" stands for U and k.
+
+    As in OpenFOAM, a name's own entry counts before all patterns, and the last pattern that fits counts.
+
+    names : those that matter
+    settled : those that no pattern may stand for
+
+    Raises InputError for a pattern that is not read here.
+    """
+    names = tuple(names)
+    inner = {
+        key: without_patterns(value, names, settled) if isinstance(value, Section) else value
+        for key, value in section.entries.items()
+    }
+    places, own = dict(section.places), inner.keys() | settled
+    for pattern in [key for key in inner if key.startswith('"')]:
+        value = inner.pop(pattern)
+        for name in names:
+            try:
+                fits = name not in own and matches(pattern.strip('"'), name)
+            except ValueError as error:
+                expected = "a pattern that is read here"
+                raise section.error(places[pattern], expected, f"{pattern} ({error})") from None
+            if fits:
+                inner[name], places[name] = value, places[pattern]
+    return replace(section, entries=inner, places=places)
 
 
 def items_of(section: Section, key: str) -> tuple[Item, ...]:

@@ -19,6 +19,7 @@ mapFields would read its dictionaries.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import re
@@ -37,6 +38,7 @@ from ellipsoid_coupling.files.limits import (
     memory_limit,
 )
 from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary, read_text
+from ellipsoid_coupling.flow.openfoam.applications import APPLICATIONS
 from ellipsoid_coupling.flow.openfoam.case import read_points
 from ellipsoid_coupling.flow.openfoam.own_mesh import write_own_mesh
 from ellipsoid_coupling.flow.openfoam.plane import thin_axis
@@ -49,6 +51,7 @@ from ellipsoid_coupling.flow.openfoam.programs import (
     says,
     why_open,
 )
+from ellipsoid_coupling.flow.openfoam.run_control import Run
 from ellipsoid_coupling.flow.openfoam.scratch import cleaned_up, move_to, scratch_folder
 from ellipsoid_coupling.flow.openfoam.solved_cases import (
     MARK,
@@ -78,6 +81,8 @@ COARSE_SHARE = 0.25
 AT_REST = "velocity condition satisfied"
 # Written into the log by streamFunction before it computes a wrong one.
 NO_START = "Zero flux boundary face not found"
+_RESIDUAL = re.compile(r"Solving for Ux, Initial residual = ([^,\s]+),")
+_TIME = re.compile(r"(?m)^Time = ([\d.eE+-]+)s?$")
 
 
 def parameter(folder: Path, name: str) -> str:
@@ -123,8 +128,11 @@ def solve_case(
     report: Report | None = None,
     *,
     trust: bool = False,
+    to_rest: bool = True,
 ) -> Path:
-    """Run a case to rest, or find that it has been run; the folder of the solved case.
+    """Run a case, or find that it has been run; the folder of the solved case.
+
+    A flow in time is run to rest, others to the endTime of their controlDict.
 
     Parameters
     ----------
@@ -133,6 +141,8 @@ def solve_case(
     processes : for icoFoam; they do not change the solution beyond the solvers' tolerances
     out : where the solved case goes, instead of the cache; new, or this very case solved
     report : called with the stage, "flow CASE, N cells: what", and the fraction done, 0 to 1
+    to_rest : whether a case that has no atRest ends at rest (at `trust.AT_REST`); else it goes to its
+        endTime and writes on the way as its controlDict says
     trust : give the case's own files to OpenFOAM, which runs what they ask for, see `openfoam.trust`
 
     Raises InputError for a folder that is no such case, or for an untrusted case with more than a plane
@@ -143,17 +153,18 @@ def solve_case(
     _check_processes(str(case), processes)
     _check_place(source, out)
     content = content_hash(source)
-    plain = None if trust else plain_case(source, cells, processes)
+    plain = None if trust else plain_case(source, cells, processes, to_rest=to_rest)
     if plain is not None:
         number = plain.cells
     else:
         number = int(_number(source, "cells", 1e9)) if cells is None else cells
         _number(source, "atRest", 1.0)
     _check_size(str(case), number, float(number) ** 2 if plain is None else plain.mesh_cells)
-    require_openfoam()
-    target = solved_folder(source, number, content) if out is None else out
+    require_openfoam(() if plain is None else (plain.run.application.name,))
+    solving = _Solving(source, content, number, processes, plain, to_rest)
+    target = solved_folder(source, number, solving.kept_as) if out is None else out
     if target.exists():
-        if is_solved(target, inputs_hash(source, number, content)):
+        if is_solved(target, inputs_hash(source, number, solving.kept_as)):
             return target
         raise InputError(
             str(target), "no such folder yet, or this very case solved", "something else",
@@ -163,10 +174,9 @@ def solve_case(
     stage = f"flow {source.name}, {number} cells"
     if out is None and target.parent != cache_home() / "flows":
         tell(f"{stage}: {cache_home()} cannot be written, so into {target.parent}", 0.0)
-    solving = _Solving(source, content, number, processes, plain)
     with cleaned_up():
         _solve_into(target, solving, lambda what, done: tell(f"{stage}: {what}", done))
-    tell(f"{stage}: at rest", 1.0)
+    tell(f"{stage}: {'at rest' if solving.run.at_rest else 'solved'}", 1.0)
     return target
 
 
@@ -179,14 +189,32 @@ class _Solving:
     cells: int
     processes: int
     plain: PlainCase | None
+    to_rest: bool
+
+    @property
+    def run(self) -> Run:
+        """The solver, and how far it goes; a trusted case goes to rest, and has its endTime to itself."""
+        if self.plain is not None:
+            return self.plain.run
+        return Run(APPLICATIONS["icoFoam"], math.inf, _number(self.source, "atRest", 1.0))
+
+    @property
+    def kept_as(self) -> str:
+        """A hash of the case's files, other for a run to endTime where they could run to rest."""
+        if self.to_rest or self.run.at_rest:
+            return self.content
+        return hashlib.sha256(f"{self.content} to endTime".encode()).hexdigest()
 
     def coarser(self) -> _Solving | None:
         """The run on half the cells a side whose solution is the start, where that pays."""
-        if self.cells < MAPPED_FROM or (self.plain is not None and not self.plain.scales):
+        scales = self.plain is None or (self.plain.scales and self.run.at_rest > 0.0)
+        if self.cells < MAPPED_FROM or not scales:
             return None
         cells = self.cells // 2
-        plain = None if self.plain is None else plain_case(self.source, cells, 1)
-        return _Solving(self.source, self.content, cells, 1, plain)
+        plain = None
+        if self.plain is not None:
+            plain = plain_case(self.source, cells, 1, to_rest=self.to_rest)
+        return _Solving(self.source, self.content, cells, 1, plain, self.to_rest)
 
 
 def _check_processes(case: str, processes: int) -> None:
@@ -228,9 +256,10 @@ def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
     """Solve in a scratch folder and move it to the target, so that nobody finds half a solution."""
     with scratch_folder(target) as scratch:
         try:
-            _run_to_rest(scratch, solving, tell)
-            tell("stream function", 0.95)
-            _stream_function(scratch, solving)
+            _solve(scratch, solving, tell)
+            if solving.run.at_rest:
+                tell("stream function", 0.95)
+                _stream_function(scratch, solving)
         except RunError as error:
             kept = _failed_place(target)
             (scratch / FAILED).write_text(f"{error}\n", encoding="utf-8")
@@ -238,7 +267,7 @@ def _solve_into(target: Path, solving: _Solving, tell: Report) -> None:
             raise RunError(str(error).replace(str(scratch), str(kept))) from error
         if content_hash(solving.source) != solving.content:
             raise RunError(f"{solving.source} has changed while it was solved. Solve it again.")
-        key = inputs_hash(solving.source, solving.cells, solving.content)
+        key = inputs_hash(solving.source, solving.cells, solving.kept_as)
         (scratch / MARK).write_text(key + "\n", encoding="utf-8")
         # A solution that somebody else has moved there first is as good, and stays.
         move_to(scratch, target)
@@ -283,46 +312,46 @@ def _not_copied(folder: str, names: list[str]) -> list[str]:
     ]  # fmt: skip
 
 
-def _run_to_rest(case: Path, solving: _Solving, tell: Report) -> None:
-    """Write the case into an empty folder, mesh, map a coarser solution and run to rest."""
+def _solve(case: Path, solving: _Solving, tell: Report) -> None:
+    """Write the case into an empty folder, mesh, map a coarser solution and run it."""
     processes, walled = solving.processes, solving.plain is not None
     coarser, beside, share = solving.coarser(), case / "coarse", 0.0
     if coarser is not None:
         share, what = COARSE_SHARE, f"first on {coarser.cells} cells"
         beside.mkdir()
-        _run_to_rest(beside, coarser, lambda step, done: tell(f"{what}, {step}", share * done))
+        _solve(beside, coarser, lambda step, done: tell(f"{what}, {step}", share * done))
     _prepare(solving, case)
 
     def run(*command: str, follow: Follow | None = None, walled: bool = walled) -> Path:
         return run_program(case, command, follow, walled=walled)
 
     tell("mesh", share)
+    application = solving.run.application
     has_mesh = solving.plain is not None and solving.plain.mesh is not None
-    why = why_open(run("icoFoam", "-help") if has_mesh else run("blockMesh"))
+    why = why_open(run(application.name, "-help") if has_mesh else run("blockMesh"))
     if solving.plain is not None:
         # Refused before hours go by: no flow can be read from another mesh.
         thin_axis(read_points(case / "constant" / LEFT_OUT), str(solving.source))
     if coarser is not None:
         run("mapFields", str(beside), "-consistent", "-sourceTime", "latestTime")
         shutil.rmtree(beside)
-    command = ["icoFoam"]
+    command = [application.name, *application.arguments]
     if processes > 1:
         run("decomposePar")
-        command = ["mpirun", "-np", str(processes), "icoFoam", "-parallel"]
+        command = ["mpirun", "-np", str(processes), *command, "-parallel"]
         if walled and not why and not mpi_starts(case, processes):
             walled, why = False, "mpirun does not start in one"
-    at_rest = _number(case, "atRest", 1.0) if solving.plain is None else solving.plain.at_rest
-    note = f"icoFoam (no wall around it: {why})" if why else "icoFoam"
-    follow = _follow_residual(
-        at_rest, lambda done: tell(note, share + (1.0 - share) * (0.05 + 0.85 * done))
+    note = f"{application.name} (no wall around it: {why})" if why else application.name
+    follow = _follow(
+        solving.run, lambda done: tell(note, share + (1.0 - share) * (0.05 + 0.85 * done))
     )
     log = run(*command, follow=follow, walled=walled)
-    if not says(log, AT_REST):
-        end = parameter(case, "endTime") if solving.plain is None else f"{solving.plain.end_time:g}"
+    if solving.run.at_rest and not says(log, AT_REST):
+        end = parameter(case, "endTime") if solving.plain is None else f"{solving.run.end_time:g}"
         why = "a longer run is needed, or smaller tolerances of the solvers"
-        raise failed(f"icoFoam was not at rest at endTime {end}: {why}", log)
+        raise failed(f"{application.name} was not at rest at endTime {end}: {why}", log)
     if processes > 1:
-        run("reconstructPar", "-latestTime")
+        run("reconstructPar", *(["-latestTime"] if solving.run.at_rest else []))
         for part in case.glob("processor*"):
             shutil.rmtree(part)
 
@@ -336,13 +365,29 @@ def _stream_function(case: Path, solving: _Solving) -> None:
             wrong.unlink()
 
 
-def _follow_residual(at_rest: float, tell: Callable[[float], None]) -> Follow:
-    """A follower of icoFoam's log: the residual of U falls geometrically from 1 to `at_rest`."""
+def _follow(run: Run, tell: Callable[[float], None]) -> Follow:
+    """A follower of the solver's log.
+
+    Towards rest the residual of U falls geometrically from 1 to `at_rest`; else the time goes to endTime.
+    """
+
+    def at_rest(grown: str) -> float | None:
+        found = _RESIDUAL.findall(grown)
+        return (
+            None
+            if not found
+            else math.log(max(float(found[-1]), run.at_rest)) / math.log(run.at_rest)
+        )
+
+    def in_time(grown: str) -> float | None:
+        found = _TIME.findall(grown)
+        return None if not found else float(found[-1]) / run.end_time
+
+    part = at_rest if run.at_rest else in_time
 
     def follow(grown: str) -> None:
-        residuals = re.findall(r"Solving for Ux, Initial residual = ([^,\s]+),", grown)
-        if residuals:
-            fraction = math.log(max(float(residuals[-1]), at_rest)) / math.log(at_rest)
+        fraction = part(grown)
+        if fraction is not None:
             tell(min(max(fraction, 0.0), 1.0))
 
     return follow

@@ -32,6 +32,7 @@ from ellipsoid_coupling.flow.openfoam.rules import (
     require_units,
     subsection,
     triple,
+    without_patterns,
 )
 
 
@@ -127,14 +128,17 @@ def start_field(section: Section, name: str, patches: Mapping[str, str]) -> list
     }
     for needed in ("dimensions", "internalField"):
         items_of(section, needed)
-    boundary = subsection(section, "boundaryField")
+    given = subsection(section, "boundaryField")
+    # An entry for all patches of a type counts before patterns.
+    settled = frozenset(patch for patch, group in patches.items() if group in given.entries)
+    boundary = without_patterns(given, patches, settled)
     for patch, patch_type in patches.items():
         # OpenFOAM recognises walls, and patches with a single possible condition, by their type as well.
         groups = {patch} | ({patch_type} - {"patch"})
         if patch_type != "empty" and not groups & boundary.entries.keys():
             found = f"none for the patch {patch}"
             raise section.error(boundary.at, "a condition for each patch of the mesh", found)
-    rest = {key: value for key, value in section.entries.items() if value is not boundary}
+    rest = {key: value for key, value in section.entries.items() if value is not given}
     lines = entries(replace(section, entries=rest), rules)
     return lines + braces("boundaryField", _conditions(boundary, kind))
 

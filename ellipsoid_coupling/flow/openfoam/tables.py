@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from ellipsoid_coupling.files.limits import MOST_FLOW_STEPS
+from ellipsoid_coupling.flow.openfoam.applications import Application
 from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, Units, Word
 from ellipsoid_coupling.flow.openfoam.rules import (
     HEADER,
     Rule,
     Rules,
-    braces,
     choice,
     dropped,
     entries,
     figure,
     items_of,
     real,
-    real_of,
     require_units,
     subsection,
     switch,
     whole,
-    words,
+    without_patterns,
     words_of,
 )
 
-SOLVERS = ("icoFoam",)
-_LONGEST_TIME = 1e9
-_FEWEST_DIGITS = 6
 _LARGEST_NU = 1e18
 _SCHEMES = words_of(
     frozenset((
@@ -96,114 +89,60 @@ _LINEAR: Rules = {
     "interpolateCorrection": switch,
     "agglomerator": choice("faceAreaPair", "algebraicPair"),
 }
-_NUMBERS: Rules = dict.fromkeys(("p", "U", "Phi", "k", "epsilon", "omega", "R", "nuTilda"), dropped)
-# Entries that icoFoam ignores are known and left out, so that cases for several solvers pass.
-_UNUSED: Rules = dict.fromkeys(
-    (
-        "nNonOrthogonalCorrectors", "nCorrectors", "nOuterCorrectors", "momentumPredictor",
-        "consistent", "pRefCell", "pRefValue", "PhiRefCell", "PhiRefValue", "pRefPoint", "correctPhi",
-        "turbOnFinalIterOnly",
-    ),
-    dropped,
-) | {"residualControl": _NUMBERS}  # fmt: skip
-_RELAXATION: Rules = {"fields": _NUMBERS, "equations": _NUMBERS, **_NUMBERS}
-SOLUTION: Rules = {
-    "FoamFile": HEADER,
-    "solvers": dict.fromkeys(("p", "pFinal", "U", "UFinal", "Phi"), _LINEAR),
-    "PISO": {
-        "nCorrectors": whole(0, 1000),
+_FIELDS = ("p", "pFinal", "U", "UFinal", "Phi", "k", "epsilon", "omega", "R", "nuTilda")
+_NUMBERS: Rules = dict.fromkeys(_FIELDS, dropped)
+_FACTORS: Rules = dict.fromkeys(_FIELDS, real(1e-6, 1.0))
+_CORRECTORS: Rules = {
+    "nCorrectors": whole(0, 1000),
+    "nNonOrthogonalCorrectors": whole(0, 1000),
+    "momentumPredictor": switch,
+    "pRefCell": whole(0, 10**9),
+    "pRefValue": real(-1e18, 1e18),
+}
+# What the solvers read of their own dictionary; entries of the others are known, and left out.
+BLOCKS: dict[str, Rules] = {
+    "PISO": _CORRECTORS,
+    "SIMPLE": {
+        **_CORRECTORS,
+        "consistent": switch,
+        "residualControl": dict.fromkeys(_FIELDS, real(0.0, 1.0)),
+    },
+    "PIMPLE": {
+        **_CORRECTORS,
+        "nOuterCorrectors": whole(1, 1000),
+        "consistent": switch,
+        "turbOnFinalIterOnly": dropped,
+    },
+    "potentialFlow": {
         "nNonOrthogonalCorrectors": whole(0, 1000),
-        "pRefCell": whole(0, 10**9),
-        "pRefValue": real(-1e18, 1e18),
-        "momentumPredictor": switch,
-    },
-    "SIMPLE": _UNUSED,
-    "PIMPLE": _UNUSED,
-    "potentialFlow": _UNUSED,
-    "relaxationFactors": _RELAXATION,
-}
-
-# The package's own function object: it writes and ends the run as soon as a time step finds U changed
-# by less than `value`. No other is taken.
-_REST: Rules = {
-    "type": choice("runTimeControl"),
-    "libs": words("utilityFunctionObjects"),
-    "satisfiedAction": choice("end"),
-    "conditions": {
-        "velocity": {
-            "type": choice("equationInitialResidual"),
-            "fields": words("U"),
-            "value": real(0.0, 1.0),
-            "mode": choice("minimum"),
-        }
+        "PhiRefCell": whole(0, 10**9),
+        "PhiRefValue": real(-1e18, 1e18),
+        "pRefCell": dropped,
+        "pRefValue": dropped,
     },
 }
-CONTROL: Rules = {
-    "FoamFile": HEADER,
-    "application": choice(*SOLVERS),
-    "startFrom": choice("startTime", "firstTime", "latestTime"),
-    "startTime": real(0.0, 0.0),
-    "stopAt": choice("endTime"),
-    "endTime": real(1e-30, _LONGEST_TIME),
-    "deltaT": real(1e-30, _LONGEST_TIME),
-    # Nothing but the state at rest is written, whatever the case would write on the way.
-    "writeControl": dropped,
-    "writeInterval": dropped,
-    "purgeWrite": dropped,
-    "writeFormat": choice("ascii", "binary"),
-    # Fewer digits would be another flow: steps show in it.
-    "writePrecision": whole(_FEWEST_DIGITS, 17),
-    "writeCompression": choice(
-        "on", "off", "yes", "no", "true", "false", "compressed", "uncompressed"
-    ),
-    "timeFormat": choice("general", "fixed", "scientific"),
-    "timePrecision": whole(1, 17),
-    # OpenFOAM would read the files again while it runs.
-    "runTimeModifiable": dropped,
-    "adjustTimeStep": dropped,
-    "maxCo": dropped,
-    "maxDeltaT": dropped,
-    "graphFormat": dropped,
-    "functions": {"rest": _REST},
+_UNUSED: Rules = {
+    **dict.fromkeys({key for rules in BLOCKS.values() for key in rules}, dropped),
+    **dict.fromkeys(("correctPhi", "pRefPoint"), dropped),
+    "residualControl": _NUMBERS,
 }
 
 
-def control(section: Section, at_rest: float) -> tuple[list[str], float]:
-    """system/controlDict as lines, with the function object that ends the run, and its end time."""
-    for needed in ("application", "endTime", "deltaT"):
-        items_of(section, needed)
-    own = section.entries.get("functions")
-    has_own = isinstance(own, Section) and bool(own.entries)
-    rest = {key: value for key, value in section.entries.items() if value is not own or has_own}
-    lines = entries(replace(section, entries=rest), CONTROL)
-    end = real_of(section, "endTime", 1e-30, _LONGEST_TIME)
-    step = real_of(section, "deltaT", 1e-30, _LONGEST_TIME)
-    if end > step * MOST_FLOW_STEPS:
-        raise section.error(
-            items_of(section, "deltaT")[0].at, f"at most {MOST_FLOW_STEPS} steps to endTime {end:g}",
-            f"deltaT {step:g}, which makes {end / step:.3g}",
-        )  # fmt: skip
-    lines += ["runTimeModifiable no;", "writeControl runTime;", f"writeInterval {figure(end)};"]
-    lines += [] if has_own else braces("functions", braces("rest", _end_at(at_rest)))
-    return lines, end
-
-
-def _end_at(at_rest: float) -> list[str]:
-    condition = [
-        "type equationInitialResidual;", "fields (U);", f"value {figure(at_rest)};", "mode minimum;"
-    ]  # fmt: skip
-    return [
-        "type runTimeControl;", "libs (utilityFunctionObjects);", "satisfiedAction end;",
-        *braces("conditions", braces("velocity", condition)),
-    ]  # fmt: skip
-
-
-def solution(section: Section) -> list[str]:
-    """system/fvSolution as lines; InputError if it lacks a solver for a field of icoFoam."""
+def solution(section: Section, application: Application) -> list[str]:
+    """system/fvSolution as lines; InputError if it lacks a solver for a field of the application."""
+    section = without_patterns(section, _FIELDS)
     solvers = subsection(section, "solvers")
-    for needed in ("p", "pFinal", "U"):
+    for needed in application.solved:
         subsection(solvers, needed)
-    return entries(section, SOLUTION)
+    blocks = dict.fromkeys(BLOCKS, _UNUSED) | {application.block: BLOCKS[application.block]}
+    factors = _FACTORS if application.relaxed else _NUMBERS
+    rules: Rules = {
+        "FoamFile": HEADER,
+        "solvers": dict.fromkeys(_FIELDS, _LINEAR),
+        **blocks,
+        "relaxationFactors": {"fields": factors, "equations": factors, **factors},
+    }
+    return entries(section, rules)
 
 
 def _dropped_if(word: str) -> Rule:
@@ -231,8 +170,15 @@ def transport(section: Section) -> list[str]:
         return figure(last.value)
 
     rules: Rules = {
-        "FoamFile": HEADER, "transportModel": choice("Newtonian"), "nu": nu, "rho": dropped,
+        "FoamFile": HEADER, "transportModel": _dropped_if("Newtonian"), "nu": nu, "rho": dropped,
         "viscosityModel": _dropped_if("constant"),
     }  # fmt: skip
     items_of(section, "nu")
-    return entries(section, rules)
+    # icoFoam does not ask for the model, other solvers do.
+    return ["transportModel Newtonian;", *entries(section, rules)]
+
+
+def turbulence(section: Section) -> list[str]:
+    """constant/turbulenceProperties as lines; InputError unless the flow is laminar."""
+    choice("laminar")(section, "simulationType")
+    return ["simulationType laminar;"]

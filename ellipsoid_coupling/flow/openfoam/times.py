@@ -52,7 +52,7 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
     Raises InputError where no time, or not the one wanted, has U, or where a mesh is missing.
     """
     times = _times(case)
-    solved = [time for time in times if packed(case / time / "U") is not None]
+    solved = solved_times(case)
     if not solved or (wanted is not None and wanted not in solved):
         raise _no_velocity(case, times, wanted)
     time = solved[-1] if wanted is None else wanted
@@ -71,6 +71,11 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
     places, mesh_time = _places(case, time, times)
     note += "" if mesh_time is None else f", mesh of time {mesh_time}"
     return Chosen(places, earlier[-1] if earlier else None, only_start, note)
+
+
+def solved_times(case: Path) -> list[str]:
+    """The names of the times that have U, the last one last."""
+    return [time for time in _times(case) if packed(case / time / "U") is not None]
 
 
 def _times(case: Path) -> list[str]:
@@ -92,7 +97,8 @@ def _places(case: Path, time: str, times: list[str]) -> tuple[Places, str | None
         if packed(folder / part) is None:
             raise InputError(
                 str(case), "an OpenFOAM case folder", f"no constant/polyMesh/{part} in it",
-                "Name the folder that holds constant, system and the times; mesh and solve it.",
+                "Name the folder that holds constant, system and the times; mesh and solve it, "
+                "or add --solve.",
             )  # fmt: skip
         newest = newest or (with_part[-1] if with_part else None)
         folders[part] = folder
@@ -110,7 +116,4 @@ def _no_velocity(case: Path, times: list[str], wanted: str | None) -> InputError
 
 def unsolved(case: Path, found: str) -> InputError:
     """The error for a case that has been meshed, but not solved."""
-    remedy = "Run the solver."
-    if packed(case / "processor0" / "constant/polyMesh/faces") is not None:
-        remedy = "It was solved in parts: run reconstructPar -latestTime."
-    return InputError(str(case), "a solved case", found, remedy)
+    return InputError(str(case), "a solved case", found, "Run the solver, or add --solve.")

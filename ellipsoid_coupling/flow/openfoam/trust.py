@@ -33,19 +33,16 @@ from ellipsoid_coupling.flow.openfoam.rules import (
     real_of,
     whole_of,
 )
+from ellipsoid_coupling.flow.openfoam.run_control import Run, control
 from ellipsoid_coupling.flow.openfoam.scanner import TRUST, Source
 from ellipsoid_coupling.flow.openfoam.start import KINDS, start_field
-from ellipsoid_coupling.flow.openfoam.tables import (
-    SCHEMES,
-    control,
-    solution,
-    transport,
-)
+from ellipsoid_coupling.flow.openfoam.tables import SCHEMES, solution, transport, turbulence
 
 # Where there is a blockMeshDict, the mesh is made anew: this folder is not copied.
 LEFT_OUT = "polyMesh"
 
 PARAMETERS = "system/parameters"
+_MODEL = "turbulenceProperties"
 # Initial residual of U that ends a run whose system/parameters has no atRest.
 AT_REST = 1e-6
 # The first residual is 1: a run to that would be none.
@@ -56,7 +53,8 @@ _FACES = 6
 # Never read by the programs that run here, and often in a case.
 _UNREAD = frozenset((
     "turbulenceProperties", "momentumTransport", "RASProperties", "LESProperties",
-    "g", "foamDataToFluentDict", "sampleDict", "streamlines", "probes", "phi", "Phi", "streamFunction",
+    "g", "foamDataToFluentDict", "mapFieldsDict", "PDRblockMeshDict",
+    "sampleDict", "streamlines", "probes", "phi", "Phi", "streamFunction",
     "k", "epsilon", "omega", "nut", "nuTilda", "R", "uniform", LEFT_OUT,
 ))  # fmt: skip
 
@@ -73,8 +71,7 @@ class PlainCase:
 
     files: Mapping[str, str]
     cells: int
-    at_rest: float
-    end_time: float
+    run: Run
     mesh_cells: float
     scales: bool
     mesh: Mesh | None
@@ -90,7 +87,7 @@ def input_folders(case: Path) -> tuple[str, str, str]:
     return start_folder(case), "constant", "system"
 
 
-def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
+def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool = True) -> PlainCase:
     """The files of a run, written from the values of the case's own.
 
     Parameters
@@ -98,6 +95,7 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
     case : a folder with 0.orig (or 0), constant and system; nothing is written there
     cells : instead of the number in system/parameters
     processes : for system/decomposeParDict
+    to_rest : whether a case without atRest in system/parameters ends at rest, or at its endTime
 
     Raises InputError, with file and line, for everything that is not of the plain form above, and for
     files that a plane laminar case does not have.
@@ -110,17 +108,19 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
         return parse(_source(case, name), lambda: numbers)
 
     meshing = _meshing(case, cells, numbers)
-    at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST
-    control_lines, end_time = control(read("system/controlDict"), at_rest)
+    at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST * to_rest
+    control_lines, run = control(read("system/controlDict"), at_rest)
     if packed(case / "system" / "decomposeParDict"):  # the package writes its own
         read("system/decomposeParDict")
     dictionaries = {
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
-        "system/fvSolution": solution(read("system/fvSolution")),
+        "system/fvSolution": solution(read("system/fvSolution"), run.application),
         "constant/transportProperties": transport(read(f"constant/{_viscosity_file(case)}")),
     }
+    if run.application.modelled:
+        dictionaries["constant/turbulenceProperties"] = turbulence(read(f"constant/{_MODEL}"))
     if meshing.blocks:
         dictionaries["system/blockMeshDict"] = meshing.blocks
     files = {name: _text(name, "dictionary", lines) for name, lines in dictionaries.items()}
@@ -136,7 +136,7 @@ def plain_case(case: Path, cells: int | None, processes: int) -> PlainCase:
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
     scales = meshing.scales and not any("nonuniform" in text for text in files.values())
     return PlainCase(
-        files, meshing.side, at_rest, end_time, meshing.cells, scales, meshing.own
+        files, meshing.side, run, meshing.cells, scales, meshing.own
     )  # fmt: skip
 
 
@@ -175,7 +175,7 @@ def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
     if "cells" in section.entries:
         whole_of(section, "cells", 1, _MOST_CELLS)
     if "atRest" in section.entries:
-        real_of(section, "atRest", 1e-300, _LARGEST_REST)
+        real_of(section, "atRest", 0.0, _LARGEST_REST)
     return {
         name_of(section, name, section.places[name]): one(section, name, Number, f"a number {name}")
         for name in section.entries if name != "FoamFile"

@@ -236,11 +236,6 @@ def test_time_0_and_negative_times(case: Path, known: FlowField) -> None:
     change(case / "0/U", rb"internalField.*?\n\)\n;", b"internalField uniform (0 0 0);")
     with pytest.raises(InputError, match=r"no time beyond 0, where U is uniform\. Run the solver"):
         read_case(case)
-    shutil.copytree(case / "constant", case / "processor0" / "constant")
-    with pytest.raises(InputError, match="reconstructPar -latestTime"):
-        read_case(case)
-    with pytest.raises(InputError, match=r"processor0: .*reconstructPar there"):
-        read_case(case / "processor0")
 
 
 def test_the_case_may_be_named_in_many_ways(case: Path, known: FlowField) -> None:

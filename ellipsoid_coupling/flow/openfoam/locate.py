@@ -1,0 +1,56 @@
+"""Which case, and which of its times, a path means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary
+from ellipsoid_coupling.flow.openfoam.decomposed import PART
+from ellipsoid_coupling.flow.openfoam.files import packed
+from ellipsoid_coupling.flow.openfoam.times import is_time
+
+# Paths that stand for the case around them.
+_CASE_FILES = (".foam", ".OpenFOAM")
+_VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
+
+
+def locate(path: Path) -> tuple[Path, str | None]:
+    """The case that a path means, and the time, if it names one; InputError if it means none."""
+    case, wanted = path, None
+    if path.suffix in _CASE_FILES:
+        case = path.parent
+    elif path.parts[-2:] == ("system", "controlDict"):
+        case = path.parent.parent
+    elif is_folder(path) and is_time(path.resolve().name):
+        around = path.resolve().parent
+        if is_folder(around / "constant"):
+            case, wanted = around, path.resolve().name
+    if (
+        is_folder(case)
+        and PART.fullmatch(case.resolve().name)
+        and is_folder(case.resolve().parent / "system")
+    ):
+        case = case.resolve().parent
+    if not is_folder(case):
+        if path.suffix in _VTK_FILES and is_ordinary(path):
+            raise _legacy(path)
+        found = "something else" if exists(case) else "no such folder"
+        raise InputError(str(path), "a solved OpenFOAM case folder", found, "Check the path.")
+    if packed(case / "system/controlDict") is None:
+        if any(case.glob("*.vtk")):
+            raise _legacy(case)
+        remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
+        if PART.fullmatch(case.resolve().name):
+            remedy = "It is a part of a case: name the folder with all of them and system beside."
+        raise InputError(
+            str(case), "an OpenFOAM case folder", "no system/controlDict in it", remedy
+        )
+    return case, wanted
+
+
+def _legacy(path: Path) -> InputError:
+    return InputError(
+        str(path), "a solved OpenFOAM case folder", "files for ParaView",
+        "Name the folder of the case itself: its mesh and U are read from there, in full precision.",
+    )  # fmt: skip

@@ -9,7 +9,10 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.flow import FlowArrays
+from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.geometry.boundaries import periodic_axes
+from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
+from ellipsoid_coupling.geometry.patches import is_outlined
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
@@ -93,10 +96,35 @@ def scene_drift(setup: Setup) -> Drift:
     return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque))
 
 
+def scene_edges(setup: Setup) -> FluidEdges | None:
+    """What bounds the fluid; None where the domain is a box that reflects or may be left.
+
+    Patches of the flow's case, or else the sides of the domain, where particles come in through one.
+
+    Raises
+    ------
+    InputError
+        For patches that do not fit the scene.
+    """
+    if not _has_edges(setup):
+        return None
+    flow, scene = setup.flow, setup.scene
+    patches = flow.outline if flow is not None and is_outlined(scene, flow) else None
+    return fluid_edges(scene, polygon_outline([]) if patches is None else patches)
+
+
+def _has_edges(setup: Setup) -> bool:
+    return setup.flow is not None and (
+        is_outlined(setup.scene, setup.flow) or setup.scene.has_inflow
+    )
+
+
 def scene_mesh(setup: Setup) -> FlowArrays | None:
-    """The flow, if particles can leave its mesh; None where they cannot."""
+    """The flow, if particles can leave its mesh; None where they cannot, or where edges bound the fluid."""
     flow = setup.flow
-    return flow.arrays if flow is not None and can_be_left(setup.scene, flow) else None
+    if flow is None or _has_edges(setup) or not can_be_left(setup.scene, flow):
+        return None
+    return flow.arrays
 
 
 def scene_rates(setup: Setup) -> Rates:

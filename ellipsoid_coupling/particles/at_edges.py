@@ -17,7 +17,7 @@ from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE
 from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.fates import Fates, takes_part
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step, noise_of
-from ellipsoid_coupling.particles.paths import End, Path, follow
+from ellipsoid_coupling.particles.paths import End, Path, edge_normal, follow
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial
 
 Floats = NDArray[np.float64]
@@ -94,13 +94,45 @@ def predict_at_edges(
 
 
 @kernel
-def _changing(path: Path, state: ParticleState, k: int, i: int, trial: Trial, dt: float) -> Path:
+def _changing(
+    path: Path, state: ParticleState, k: int, i: int, trial: Trial, dt: float
+) -> Path:
     """The path with the change of the drift that a trial has found."""
     slope = (
         (trial.force[0, i] - state.force[k, 0, i]) / dt,
         (trial.force[1, i] - state.force[k, 1, i]) / dt,
     )
-    return Path(path.place, path.velocity, path.force, slope, path.noise, path.kick, path.damping)
+    return Path(
+        path.place, path.velocity, path.force, slope, path.noise, path.kick, path.damping
+    )
+
+
+@kernel
+def _scheme_path(
+    path: Path, linear: LinearStep, dt: float, normal: tuple[float, float]
+) -> Path:
+    """The path to where the plain formula leads, which takes a part of the change only; see `exponential`.
+
+    All of the change is taken along `normal`, that of a wall which is met, or NOWHERE.
+    """
+    part = linear.place_change / linear.place_missed
+    (sx, sy), (kx, ky) = path.slope, path.kick
+    across = normal[0] * sx + normal[1] * sy
+    left_x = (1.0 - part) * (sx - across * normal[0])
+    left_y = (1.0 - part) * (sy - across * normal[1])
+    slope = sx - left_x, sy - left_y
+    kick = kx + linear.velocity_change * dt * left_x, ky + linear.velocity_change * dt * left_y
+    return Path(path.place, path.velocity, path.force, slope, path.noise, kick, path.damping)
+
+
+@kernel
+def _corrected(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> End:
+    """Where a path leads that may come to an edge: along the edge, and without one, as the plain formula."""
+    end = follow(edges, path, dt)
+    if linear.place_change != linear.place_missed and not end.corner:
+        normal = edge_normal(edges, end.first) if end.first >= 0 else NOWHERE
+        end = follow(edges, _scheme_path(path, linear, dt, normal), dt)
+    return end
 
 
 @kernel
@@ -133,8 +165,8 @@ def ends_at_edges(
     values = np.empty((count, 6))
     for m in range(count):
         path = _path(state, k, which[m], noise, rates, linear, dt)
-        end = follow(edges, _changing(path, state, k, which[m], trial, dt), dt)
-        _kept(values[m], end)
+        path = _changing(path, state, k, which[m], trial, dt)
+        _kept(values[m], _corrected(edges, path, linear, dt))
     return Ends(which[:count], values)
 
 

@@ -47,6 +47,8 @@ _MOST_CELLS, _BEND = 16, 0.25
 _MOST_HALVINGS = 60
 # A path that comes back to the edge that it left within this part of the step slides along it.
 _HOP = 1e-6
+# The sine of the angle between edges of one direction.
+_PARALLEL = 1e-9
 # A place this near to an edge, in gaps, is where ways end; from there an edge is met below the other one,
 # so that rounding meets none.
 _AT_THE_GAP, _BELOW_THE_GAP = 1.5, 0.5
@@ -78,12 +80,28 @@ class Path(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where a path led: place, velocity with the kick, the time it took, the edge that ended it or -1."""
+    """Where a path led.
+
+    Attributes
+    ----------
+    place, velocity : (x, y)
+        The velocity with the kick.
+    time : float
+        That it took, less than the step's where it ended.
+    edge : int
+        The edge that ended it; -1 for none.
+    first : int
+        The first edge that it met, apart from those that just shift it; -1 for none.
+    corner : bool
+        Whether it met edges of other directions as well.
+    """
 
     place: Vector
     velocity: Vector
     time: float
     edge: int
+    first: int
+    corner: bool
 
 
 class _Part(NamedTuple):
@@ -236,9 +254,15 @@ def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
 
 
 @kernel
-def _normal(edges: EdgeGrid, edge: int) -> Vector:
+def edge_normal(edges: EdgeGrid, edge: int) -> Vector:
     """Of length 1, into the fluid."""
     return -edges.lines[edge, ALONG_Y], edges.lines[edge, ALONG_X]
+
+
+@kernel
+def _parallel(edges: EdgeGrid, one: int, other: int) -> bool:
+    a, b = edges.lines[one], edges.lines[other]
+    return bool(abs(a[ALONG_X] * b[ALONG_Y] - a[ALONG_Y] * b[ALONG_X]) < _PARALLEL)
 
 
 @kernel
@@ -250,7 +274,7 @@ def _mirrored(vector: Vector, normal: Vector) -> Vector:
 @kernel
 def _reflected(edges: EdgeGrid, path: Path, edge: int) -> Path:
     """The path after an elastic bounce; a million of them keep the speed to a few hundred roundings."""
-    normal = _normal(edges, edge)
+    normal = edge_normal(edges, edge)
     vx, vy = _mirrored(path.velocity, normal)
     before, after = math.hypot(path.velocity[0], path.velocity[1]), math.hypot(vx, vy)
     same = before / after if after > 0.0 and before != after else 1.0
@@ -268,7 +292,7 @@ def _tangential(vector: Vector, normal: Vector) -> Vector:
 @kernel
 def _sliding(edges: EdgeGrid, path: Path, edge: int) -> Path:
     """The path along a wall that it is pressed against; its speed across is kept and added at the end."""
-    normal, line, (x, y) = _normal(edges, edge), edges.lines[edge], path.place
+    normal, line, (x, y) = edge_normal(edges, edge), edges.lines[edge], path.place
     # Rounding must not lead it closer and closer.
     lift = line[GAP] - normal[0] * (x - line[X]) - normal[1] * (y - line[Y])
     place = x + lift * normal[0], y + lift * normal[1]
@@ -292,9 +316,9 @@ def _shifted(edges: EdgeGrid, path: Path, edge: int) -> Path:
 
 
 @kernel
-def _with_kick(path: Path, time: float, edge: int) -> End:
+def _with_kick(path: Path, time: float, edge: int, first: int, corner: bool) -> End:
     velocity = path.velocity[0] + path.kick[0], path.velocity[1] + path.kick[1]
-    return End(path.place, velocity, time, edge)
+    return End(path.place, velocity, time, edge, first, corner)
 
 
 @kernel
@@ -304,7 +328,7 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
     A path of more parts than anybody can mean stays where it is for the rest of the step, with the
     velocity that it has there: that keeps the energy.
     """
-    left, last, since = time, -1, 0.0
+    left, last, since, first, corner = time, -1, 0.0, -1, False
     for _ in range(_MOST_PARTS):
         part = _next_part(edges, path, left)
         edge, t = _first_edge(edges, path, part)
@@ -312,18 +336,20 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
             path = _moved(path, part.time, part.place, part.velocity)
             left, since = left - part.time, since + part.time
             if not left > 0.0:
-                return _with_kick(path, time, -1)
+                return _with_kick(path, time, -1, first, corner)
             continue
         place, velocity = _later(path, t)
         path = _moved(path, t, place, velocity)
         left, since = left - t, since + t
-        if edges.acts[edge] == ENDS:
-            return _with_kick(path, time - left, edge)
         if edges.acts[edge] == SHIFTS:
             path, last = _shifted(edges, path, edge), -1
             continue
+        first = edge if first < 0 else first
+        corner |= not _parallel(edges, first, edge)
+        if edges.acts[edge] == ENDS:
+            return _with_kick(path, time - left, edge, first, corner)
         path = _reflected(edges, path, edge)
         if edge == last and since < _HOP * time:
             path = _sliding(edges, path, edge)
         last, since = edge, 0.0
-    return _with_kick(path, time, -1)
+    return _with_kick(path, time, -1, first, corner)

@@ -201,6 +201,12 @@ def _clearance(touched: NDArray[np.bool_], size: float, grid: EdgeGrid) -> Float
     return np.ascontiguousarray(np.maximum(clear, 0.0).ravel())
 
 
+def edge_ends(grid: EdgeGrid) -> Floats:
+    """(E, 2, 2), where each edge starts and where it stops, (x, y)."""
+    start, along = grid.lines[:, [X, Y]], grid.lines[:, [ALONG_X, ALONG_Y]]
+    return np.stack((start, start + grid.lines[:, LENGTH, None] * along), axis=1)
+
+
 def cell_middles(grid: EdgeGrid) -> tuple[Floats, Floats]:
     """X and y (cells,) of the cells' middles."""
     x = grid.x_low + (np.arange(grid.columns) + 0.5) / grid.per_length

@@ -23,6 +23,7 @@ from ellipsoid_coupling.geometry.edge_grid import (
     EdgeGrid,
     Edges,
     cell_middles,
+    edge_ends,
     edge_grid,
     without_cells,
 )
@@ -67,6 +68,31 @@ class FluidEdges:
         """Whether places, arrays of one shape, lie in the fluid and in the domain."""
         return places_inside(self.outline, self.domain, x, y)
 
+    def walls(self, names: tuple[str, ...] | None) -> Floats:
+        """(n, 2, 2), the ends of the edges that reflect: on these patches and sides, or all of them.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        ends, grid = edge_ends(self.grid), self.grid
+        chosen = grid.acts == REFLECTS
+        if names is not None:
+            on = np.isin(grid.patches, [p for p, name in enumerate(self.names) if name in names])
+            for side in SIDES:
+                if side in names:
+                    on |= lying_on(ends, self.domain, side)
+            chosen &= on
+        if not chosen.any():
+            raise InputError(
+                "walls.sides",
+                "walls that reflect, on sides of the domain or patches of the case",
+                ", ".join(names or ("none",)),
+                "Name others, or leave out [walls].",
+            )
+        return np.asarray(ends[chosen])
+
     @property
     def ends_any(self) -> bool:
         """Whether a particle can end at some edge."""
@@ -103,10 +129,10 @@ def fluid_edges(scene: Scene, outline: Outline) -> FluidEdges:
     )
 
 
-def lying_on(outline: Outline, domain: Domain, side: SideName) -> NDArray[np.bool_]:
-    """(E,), which edges of an outline lie on that side of the domain, as wide as that or not."""
+def lying_on(ends: Floats, domain: Domain, side: SideName) -> NDArray[np.bool_]:
+    """(E,), which edges (E, 2, 2) lie on that side of the domain, as wide as that or not."""
     axis, at = _axis_and_place(domain, side)
-    off = np.abs(outline.ends[:, :, axis] - at).max(axis=1)
+    off = np.abs(ends[:, :, axis] - at).max(axis=1)
     return np.asarray(off <= same_place(domain))
 
 
@@ -132,7 +158,7 @@ def _edges_of_outline(
     held = _in_or_on(outline, scene.domain)
     for side_name, side in scene.sides.items():
         if side.particles == "wrap":
-            held &= ~lying_on(outline, scene.domain, side_name)
+            held &= ~lying_on(outline.ends, scene.domain, side_name)
     patches = outline.patch[held]
     acts = np.array([_ACTS[part.particles] for part in parts.values()])[patches]
     if (acts == SHIFTS).any():
@@ -156,7 +182,9 @@ def _edges_of_side(
     along = (domain.x, domain.y)[1 - axis]
     covered = np.empty((0, 2))
     if act != SHIFTS:
-        covered = np.sort(outline.ends[lying_on(outline, domain, name)][:, :, 1 - axis], axis=1)
+        covered = np.sort(
+            outline.ends[lying_on(outline.ends, domain, name)][:, :, 1 - axis], axis=1
+        )
     pieces = _uncovered(along, covered, same_place(domain))
     # Up on the right, to the left on the top, and so on: counter-clockwise.
     if name in ("left", "top"):

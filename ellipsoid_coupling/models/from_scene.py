@@ -17,6 +17,8 @@ from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
 from ellipsoid_coupling.interaction.particle_forces import Drift
+from ellipsoid_coupling.interaction.wall_lines import ghosts_along
+from ellipsoid_coupling.interaction.walls import GhostParticles
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
 from ellipsoid_coupling.particles.state import Rates
@@ -28,13 +30,26 @@ Floats = NDArray[np.float64]
 
 
 def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
-    """The scene's walls with both kinds of ghosts; None without [walls]."""
+    """The walls of a scene's domain with both kinds of ghosts; None without [walls].
+
+    Raises
+    ------
+    InputError
+        For walls that are no sides of the domain.
+    """
     part = scene.walls
     if part is None or scene.interaction is None:
         return None
+    if not scene.wall_sides:
+        raise InputError(
+            f"scene {scene.name}, key walls.sides",
+            "walls on sides of the domain, where no patches of a case bound the fluid",
+            f"{', '.join(part.sides or ('none that reflects',))}",
+            "Name sides, or give a flow whose case has these patches.",
+        )
     return Walls(
         domain=(scene.domain.x, scene.domain.y),
-        sides=part.sides,
+        sides=scene.wall_sides,
         length=scene.particles.length,
         shape=shape,
         strength=scene.interaction.strength,
@@ -44,13 +59,23 @@ def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
     )
 
 
-def _ghost_sources(walls: Walls, pairs: Pairs) -> Sources:
-    ghosts = walls.ghost_particles()
+def scene_ghosts(scene: Scene, edges: FluidEdges | None) -> GhostParticles | None:
+    """The ghost particles on a scene's walls, sides of its domain or edges; None without [walls]."""
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    if edges is None:
+        walls = scene_walls(scene, shape)
+        return None if walls is None else walls.ghost_particles()
+    if scene.walls is None or scene.interaction is None:
+        return None
+    return ghosts_along(edges.walls(scene.walls.sides), scene.particles.length)
+
+
+def _ghost_sources(ghosts: GhostParticles, pairs: Pairs) -> Sources:
     c2, s2 = np.cos(2.0 * ghosts.angle), np.sin(2.0 * ghosts.angle)
     return sort_by_cell(ghosts.x, ghosts.y, c2, s2, pairs.grid)[0]
 
 
-def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
+def scene_pairs(scene: Scene, torque: bool, edges: FluidEdges | None = None) -> Pairs | None:
     """The pair interaction with its 1/N, 1/m and 1/I_c, ghost particles included; None without."""
     if scene.interaction is None:
         return None
@@ -65,10 +90,11 @@ def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
         ghosts=None,
         ghost_factor=0.0,
     )
-    walls = scene_walls(scene, shape)
-    if walls is None:
+    ghosts = scene_ghosts(scene, edges)
+    if ghosts is None or scene.walls is None:
         return pairs
-    return pairs._replace(ghosts=_ghost_sources(walls, pairs), ghost_factor=walls.strength_factor)
+    sources = _ghost_sources(ghosts, pairs)
+    return pairs._replace(ghosts=sources, ghost_factor=scene.walls.strength_factor)
 
 
 def scene_fluid(setup: Setup) -> Fluid | None:
@@ -91,9 +117,12 @@ def scene_external(setup: Setup) -> External:
     return External(scene_fluid(setup), scene.outer_potential, scene.angular_potential)
 
 
-def scene_drift(setup: Setup) -> Drift:
-    """The drift of `setup`'s scene; a term that it lacks is None."""
-    return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque))
+def scene_drift(setup: Setup, edges: FluidEdges | None = None) -> Drift:
+    """The drift of `setup`'s scene; a term that it lacks is None.
+
+    edges : as of `scene_edges`, on which walls have their ghosts
+    """
+    return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque, edges))
 
 
 def scene_edges(setup: Setup) -> FluidEdges | None:

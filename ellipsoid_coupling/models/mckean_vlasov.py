@@ -121,7 +121,7 @@ class McKeanVlasov(ParticleModel):
         self._forces = self._forces_of(setup, state.frozen, samples)
 
     def _forces_of(self, setup: Setup, frozen: Flags | None, samples: int) -> Forces:
-        particles, drift = setup.scene.particles, scene_drift(setup)
+        particles, drift = setup.scene.particles, scene_drift(setup, self._edges)
         block, workspace = BlockForces(drift._replace(pairs=None), drift.pairs), BufferPool()
         if self._interaction is None:
             return Forces(block, None, workspace)

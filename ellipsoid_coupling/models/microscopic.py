@@ -63,7 +63,7 @@ class Microscopic(ParticleModel):
         points, edges = random_points(scene, setup.seed, realisations), scene_edges(setup)
         start = start_at_rest(setup, edges, points, realisations)
         super().__init__(name, setup, edges, start, number)
-        self._drift = scene_drift(setup)
+        self._drift = scene_drift(setup, edges)
         slots = start.place.shape[2]
         self._large = LargeCloud(self._drift, slots) if slots >= LARGE_CLOUD else None
         self._workspace = BufferPool()

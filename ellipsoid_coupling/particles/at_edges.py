@@ -94,23 +94,17 @@ def predict_at_edges(
 
 
 @kernel
-def _changing(
-    path: Path, state: ParticleState, k: int, i: int, trial: Trial, dt: float
-) -> Path:
+def _changing(path: Path, state: ParticleState, k: int, i: int, trial: Trial, dt: float) -> Path:
     """The path with the change of the drift that a trial has found."""
     slope = (
         (trial.force[0, i] - state.force[k, 0, i]) / dt,
         (trial.force[1, i] - state.force[k, 1, i]) / dt,
     )
-    return Path(
-        path.place, path.velocity, path.force, slope, path.noise, path.kick, path.damping
-    )
+    return Path(path.place, path.velocity, path.force, slope, path.noise, path.kick, path.damping)
 
 
 @kernel
-def _scheme_path(
-    path: Path, linear: LinearStep, dt: float, normal: tuple[float, float]
-) -> Path:
+def _scheme_path(path: Path, linear: LinearStep, dt: float, normal: tuple[float, float]) -> Path:
     """The path to where the plain formula leads, which takes a part of the change only; see `exponential`.
 
     All of the change is taken along `normal`, that of a wall which is met, or NOWHERE.
@@ -127,7 +121,7 @@ def _scheme_path(
 
 @kernel
 def _corrected(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> End:
-    """Where a path leads that may come to an edge: along the edge, and without one, as the plain formula."""
+    """Where a path leads that may come to an edge; along the edge, or without one, as the plain formula."""
     end = follow(edges, path, dt)
     if linear.place_change != linear.place_missed and not end.corner:
         normal = edge_normal(edges, end.first) if end.first >= 0 else NOWHERE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,7 @@ def scene(**changes: Any) -> Scene:
         "flow.drag": DRAG, "flow.angular_drag": DRAG, "numerics.time_step": 0.01,
     }  # fmt: skip
     if "start.points" in changes:
-        changes |= {"start.x": settings["domain.x"], "start.y": settings["domain.y"]}
+        settings |= {"start.x": settings["domain.x"], "start.y": settings["domain.y"]}
     return ec.load_scene("cavity_free", settings | changes)
 
 
@@ -88,30 +87,26 @@ def turned_flow(angle: float) -> FlowField:
 
 @BOTH
 def test_a_turned_box_turns_everything(scheme: Any) -> None:
-    """By 30 degrees, against the straight one turned: to 1e-12 of the size after some ten bounces."""
+    """By 30 degrees, against the straight one turned: to 1e-12 of the size after some ten bounces.
+
+    Steps are the save times' of both: their errors are measured along x and y, and would differ.
+    """
     found = []
     for angle in (0.0, np.pi / 6.0):
         cosine, sine = np.cos(angle), np.sin(angle)
-        rng = np.random.default_rng(3)
-        own = rng.uniform((-0.9, -0.5), (0.9, 0.5), (60, 2))
+        own = np.random.default_rng(3).uniform((-0.9, -0.5), (0.9, 0.5), (60, 2))
         points = own @ np.array([[cosine, sine], [-sine, cosine]])
         given: dict[str, Any] = {
-            "domain.x": [-2.0, 2.0], "domain.y": [-2.0, 2.0], "start.x": [-2.0, 2.0],
-            "start.y": [-2.0, 2.0], "particles.number": 60, "particles.realisations": 1,
-            "start.points": points.tolist(), "times": [3.0], "flow.drag": 1.0,
+            "domain.x": [-2.0, 2.0], "domain.y": [-2.0, 2.0], "particles.number": 60,
+            "particles.realisations": 1, "start.x": [-2.0, 2.0], "start.y": [-2.0, 2.0],
+            "start.points": points.tolist(), "particles.width": 0.05, "flow.drag": 1.0,
+            "times": np.linspace(0.02, 3.0, 150).tolist(), "numerics.tolerance": 1.0,
         }  # fmt: skip
-        result = ec.simulate(
-            ec.load_scene("cavity_free", scene().model_dump(exclude_none=True) and {
-                "domain.boundary": "open", "particles.length": 0.05, "particles.width": 0.05,
-                "numerics.cell": 0.125, "flow.angular_drag": 1.0, "numerics.time_step": 0.01,
-                **given,
-            }),
-            "microscopic", scheme, flow=turned_flow(angle),
-        )  # fmt: skip
+        result = ec.simulate(scene(**given), "microscopic", scheme, flow=turned_flow(angle))
         place = np.stack((result.variables["x"][-1, 0], result.variables["y"][-1, 0]), axis=-1)
         found.append(place @ np.array([[cosine, -sine], [sine, cosine]]))
-        assert np.all(result.variables["fate"] == 0) if "fate" in result.variables else True
-    assert np.abs(found[1] - found[0]).max() < 1e-11
+        assert (result.variables["fate"] == 0).all()
+    assert np.abs(found[1] - found[0]).max() < 1e-12
 
 
 @EACH
@@ -164,21 +159,25 @@ def in_solid(name: str, x: Any, y: Any) -> int:
 def test_nothing_gets_into_a_solid(scheme: Any, name: str, step: float) -> None:
     """A fluid that goes through it presses them against it; small steps and such as jump it."""
     own = scene(
-        **{"numerics.time_step": step, "numerics.tolerance": step, "times": [0.4, 0.9, 2.5]}
+        times=[0.4, 0.9, 2.5],
+        **{"numerics.time_step": step, "numerics.tolerance": step, "flow.drag": 3.0},
     )
     result = ec.simulate(own, "microscopic", scheme, flow=plug_flow(channel_outline(SOLIDS[name])))
     x, y = result.variables["x"], result.variables["y"]
     assert in_solid(name, x, y) == 0
+    # Only the circle lets those slide past that the fluid presses against it.
     held = np.abs(y[0] - 0.5) < 0.09
-    assert np.all(x[-1][held] < 1.0 + 1e-12 + 0.2 * (name == "circle"))
     assert held.any()
+    assert np.all(x[-1][held] < 1.0 + 1e-12) or name == "circle"
     assert np.all((y >= 0.0) & (y <= 1.0) & (x <= 4.0))
 
 
 def test_a_wall_that_holds_what_touches_it() -> None:
     """The square stands in the way of those that start before it; the others go on: exact counts."""
     own = scene(times=[0.4, 2.0], **{"boundaries.solid.kind": "stick"})
-    result = ec.simulate(own, "microscopic", "paper", flow=plug_flow(channel_outline(SOLIDS["square"])))
+    result = ec.simulate(
+        own, "microscopic", "paper", flow=plug_flow(channel_outline(SOLIDS["square"]))
+    )
     y, fate = result.variables["y"], result.variables["fate"]
     before = (y[0] > 0.4) & (y[0] < 0.6)
     stuck = fate[-1] == 5
@@ -208,19 +207,22 @@ def test_a_start_in_a_solid_is_refused_with_its_place(model: str, scheme: Any) -
 def test_heavy_particles_hit_a_cylinder_from_the_critical_inertia_on() -> None:
     """On the axis before a cylinder in potential flow nobody hits it below U/(gamma R) = 1/8.
 
-    On the axis the flow is u = -2 s near the wall, so x'' + gamma x' + 2 gamma (U/R) x = 0 oscillates, and
-    hence arrives, from gamma = 8 U/R on downwards. At 1.1/8 it arrives with little speed.
+    Near the wall, s before it, u = -2 s U/R: s'' + gamma s' + 2 gamma (U/R) s = 0 swings through 0 from
+    gamma = 8 U/R on downwards. Below, s falls for ever: at t = 6 it is 1e-5, and the spline is off by 6e-7.
     """
     for inertia, hits in ((0.97 / 8.0, False), (1.1 / 8.0, True)):
-        own = ec.load_scene("cavity_free", {
-            "domain.x": [-6.0, 6.0], "domain.y": [-3.0, 3.0], "domain.boundary": "open",
-            "particles.number": 3, "particles.realisations": 1, "particles.length": 0.05,
-            "particles.width": 0.05, "numerics.cell": 0.1, "numerics.tolerance": 1e-9,
-            "flow.drag": 1.0 / inertia, "flow.angular_drag": 1.0, "times": [15.0],
-            "start.x": [-6.0, 6.0], "start.y": [-3.0, 3.0],
-            "start.points": [[-5.0, 0.0], [-5.0, 1e-9], [-5.0, 0.9]],
-            "boundaries.cylinder.kind": "stick",
-        })  # fmt: skip
+        own = scene(
+            times=[6.0],
+            **{
+                "domain.x": [-3.0, 1.0], "domain.y": [-1.5, 1.5], "particles.number": 3,
+                "particles.realisations": 1, "particles.width": 0.05, "numerics.tolerance": 1e-7,
+                "numerics.cell": 0.1, "flow.drag": 1.0 / inertia, "start.x": [-3.0, 1.0],
+                "start.y": [-1.5, 1.5], "start.points": [[-2.99, 0.0], [-2.99, 1e-9], [-2.99, 0.9]],
+                "boundaries.cylinder.kind": "stick",
+            },
+        )  # fmt: skip
         result = ec.simulate(own, "microscopic", "accurate", flow=past_a_cylinder())
         stuck = result.variables["fate"][-1, 0] == 5
         assert stuck.tolist() == [hits, hits, False]
+        before = -1.0 - result.variables["x"][-1, 0, 0]
+        assert 5e-6 < before < 2e-5 or hits

@@ -23,6 +23,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     wrapped,
 )
 from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE
+from ellipsoid_coupling.output.figures.walls import add_walls
 
 Floats = NDArray[np.float64]
 
@@ -90,6 +91,7 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     axes = figure.add_subplot()
     show_domain(axes, extent)
     arrows = add_arrows(axes, flow, extent)
+    add_walls(axes, flow.outline, extent)
     figure.colorbar(arrows, ax=axes, label="speed")
     axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure

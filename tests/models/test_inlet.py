@@ -110,10 +110,11 @@ def test_before_its_birth_a_particle_has_no_place(run: Result, tmp_path: Path) -
 
 
 @PAIRED
-@pytest.mark.parametrize("noise", [0.0, 0.3])
 def test_births_and_fates_after_a_kill_have_the_same_bits(
-    model: str, scheme: Any, noise: float, tmp_path: Path
+    model: str, scheme: Any, tmp_path: Path
 ) -> None:
+    """With noise, between births and ends: positions, velocities and fates."""
+
     class Stop(BaseException):
         pass
 
@@ -121,10 +122,8 @@ def test_births_and_fates_after_a_kill_have_the_same_bits(
         if part > 0.4:
             raise Stop
 
-    given: dict[str, Any] = {"particles.number": 100, "times": [0.2, 1.5]}
-    if noise:
-        given |= {"noise.noise": noise, "noise.angular_noise": noise}
-    own = scene(**given)
+    noise = {"noise.noise": 0.3, "noise.angular_noise": 0.3}
+    own = scene(times=[0.2, 1.5], **noise, **{"particles.number": 100})
     whole = ec.simulate(own, model, scheme, flow=FLOW)
     place = ec.RunFolder(tmp_path, checkpoint_seconds=0.0)
     with pytest.raises(Stop):

@@ -72,6 +72,21 @@ def test_straight_walls_as_an_outline_are_the_box(scheme: Any, noise: float) -> 
     assert "fate" not in lined.variables
 
 
+def test_straight_walls_as_an_outline_have_the_box_s_ghosts() -> None:
+    """With interaction and ghosts, in steps of one length: to rounding."""
+    given: dict[str, Any] = {
+        "domain.boundary": "reflecting", "interaction.strength": 0.01, "times": [0.3],
+        "walls.strength_factor": 10.0, "particles.length": 0.1, "particles.number": 60,
+    }  # fmt: skip
+    boxed = ec.simulate(scene(**given), "microscopic", "paper", flow=roll(None))
+    outline = polygon_outline([("walls", "wall", corners((0.0, 4.0), (0.0, 1.0)), True)])
+    named = scene(**given, **{"boundaries.walls.kind": "reflect"})
+    lined = ec.simulate(named, "microscopic", "paper", flow=roll(outline))
+    assert apart(boxed, lined) < 1e-11
+    without = ec.simulate(scene(**given, walls=None), "microscopic", "paper", flow=roll(None))
+    assert apart(boxed, without) > 1e-4
+
+
 def turned_flow(angle: float) -> FlowField:
     """A linear shear flow in a box that is turned about the origin, each by an angle."""
     x = np.linspace(-2.0, 2.0, 33)
@@ -157,10 +172,16 @@ def in_solid(name: str, x: Any, y: Any) -> int:
 @pytest.mark.parametrize("name", SOLIDS)
 @pytest.mark.parametrize("step", [0.003, 0.3])
 def test_nothing_gets_into_a_solid(scheme: Any, name: str, step: float) -> None:
-    """A fluid that goes through it presses them against it; small steps and such as jump it."""
+    """10^4 particles, which a fluid that goes through it presses against it; steps that jump it."""
     own = scene(
         times=[0.4, 0.9, 2.5],
-        **{"numerics.time_step": step, "numerics.tolerance": step, "flow.drag": 3.0},
+        **{
+            "numerics.time_step": step,
+            "numerics.tolerance": step,
+            "flow.drag": 3.0,
+            "flow.angular_drag": 3.0,
+            "particles.number": 5000,
+        },
     )
     result = ec.simulate(own, "microscopic", scheme, flow=plug_flow(channel_outline(SOLIDS[name])))
     x, y = result.variables["x"], result.variables["y"]
@@ -226,3 +247,23 @@ def test_heavy_particles_hit_a_cylinder_from_the_critical_inertia_on() -> None:
         assert stuck.tolist() == [hits, hits, False]
         before = -1.0 - result.variables["x"][-1, 0, 0]
         assert 5e-6 < before < 2e-5 or hits
+
+
+def test_tracers_pass_a_cylinder_at_the_distance_of_their_streamline() -> None:
+    """The least distance, above it, is that of psi = y (1 - 1/r^2): to 1e-3 of the radius."""
+    starts = [0.02, 0.1, 0.3, 0.6]
+    own = scene(
+        times=np.linspace(0.1, 8.0, 160).tolist(),
+        **{
+            "domain.x": [-3.0, 1.0], "domain.y": [-1.5, 1.5], "start.x": [-3.0, 1.0],
+            "start.y": [-1.5, 1.5], "start.points": [[-2.9, y] for y in starts],
+            "particles.number": 4, "particles.realisations": 1, "particles.width": 0.05,
+            "numerics.cell": 0.1, "numerics.tolerance": 1e-4, "flow.drag": 1e5,
+        },
+    )  # fmt: skip
+    result = ec.simulate(own, "microscopic", "accurate", flow=past_a_cylinder())
+    x, y = result.variables["x"][:, 0], result.variables["y"][:, 0]
+    least = np.hypot(x, y).min(axis=0)
+    for start, found in zip(starts, least, strict=True):
+        psi = start * (1.0 - 1.0 / (2.9**2 + start**2))
+        assert found == pytest.approx(0.5 * (psi + np.sqrt(psi**2 + 4.0)), abs=1e-3)

@@ -14,6 +14,7 @@ from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.inside import in_fluid
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,
@@ -55,6 +56,8 @@ def add_arrows(
     x, y, spacing = arrow_centres(extent, count)
     sample = flow.evaluate(x, y)
     inside = sample.inside
+    if flow.outline is not None:
+        inside &= in_fluid(flow.outline.ends, x.ravel(), y.ravel()).reshape(x.shape)
     velocity_x, velocity_y = sample.velocity_x[inside], sample.velocity_y[inside]
     speed = np.hypot(velocity_x, velocity_y)
     largest = float(speed.max(initial=0.0)) or 1.0

@@ -26,12 +26,12 @@ def add_walls(axes: Axes, outline: Outline | None, extent: Extent) -> None:
     if outline is None:
         return
     axes.add_patch(
-        PathPatch(_beyond(outline, extent), facecolor=_SOLID, edgecolor="none", zorder=1.5)
+        PathPatch(_beyond(outline, extent), facecolor=_SOLID, edgecolor="none", zorder=0.5)
     )
     is_open = np.array([kind in _OPEN for kind in outline.types])[outline.patch]
     for chosen, colour, style in ((~is_open, _WALL, "-"), (is_open, _OPENING, (0.0, (3.0, 2.0)))):
         lines = LineCollection(
-            list(outline.ends[chosen]), colors=colour, linestyles=style, linewidths=0.9, zorder=2.5
+            list(outline.ends[chosen]), colors=colour, linestyles=style, linewidths=0.9, zorder=0.8
         )
         axes.add_collection(lines, autolim=False)
 

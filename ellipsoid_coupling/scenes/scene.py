@@ -329,8 +329,7 @@ class Scene(Part):
             self._check_walls(self.walls)
 
     def _check_walls(self, walls: WallsPart) -> None:
-        known: dict[str, BoundaryPart] = {**self.named_patches}
-        known |= self.sides
+        known = self.named_patches | {str(name): side for name, side in self.sides.items()}
         for name in walls.sides or ():
             if name not in known:
                 raise ValueError(

@@ -23,7 +23,7 @@ def scene(x: list[float], y: list[float], **changes: Any) -> Scene:
     return ec.load_scene("rotation", {"domain.x": x, "domain.y": y, **inside, **changes})
 
 
-def held(edges: FluidEdges) -> dict[str, tuple[int, float]]:
+def held(edges: FluidEdges) -> dict[str, Any]:
     """The act and the length of the edges of each boundary that has any."""
     grid = edges.grid
     way = np.diff(edge_ends(grid), axis=1)[:, 0]

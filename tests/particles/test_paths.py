@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,6 +42,12 @@ def grid_of(ends: Floats, acts: list[int] | None = None, shifts: Floats | None =
 
 def free(place: Vector, velocity: Vector) -> Path:
     return Path(place, velocity, ZERO, ZERO, ZERO, ZERO, 0.0)
+
+
+def path_of(parts: list[Any], damping: float) -> Path:
+    """From place, velocity, force, slope, noise and kick."""
+    place, velocity, force, slope, noise, kick = parts
+    return Path(place, velocity, force, slope, noise, kick, damping)
 
 
 @kernel
@@ -83,14 +90,15 @@ def test_a_box_is_two_coordinates(damping: float) -> None:
     for _ in range(200):
         place = rng.uniform((0.01, 0.01), (0.99, 0.49))
         motion = rng.normal(size=(5, 2)) * np.array([2.0, 4.0, 3.0, 1.0, 1.0])[:, None]
-        parts = [tuple(map(float, row)) for row in (place, *motion)]
-        end = follow(edges, Path(*parts, damping), 1.0)  # type: ignore[arg-type]
+        parts: list[Any] = [tuple(map(float, row)) for row in (place, *motion)]
+        end = follow(edges, path_of(parts, damping), 1.0)
         for d, high in enumerate((1.0, 0.5)):
             given = [part[d] for part in parts]
-            flight = Flight(*given[:5], damping)
-            at, speed, sign, _ = fly(flight, 1.0, 0.0, high)
+            start, speed, force, slope, noise, kick = given
+            flight = Flight(start, speed, force, slope, noise, damping)
+            at, after, sign, _ = fly(flight, 1.0, 0.0, high)
             assert end.place[d] == pytest.approx(at, abs=1e-11)
-            assert end.velocity[d] == pytest.approx(speed + sign * given[5], abs=1e-10)
+            assert end.velocity[d] == pytest.approx(after + sign * kick, abs=1e-10)
 
 
 def test_a_ball_on_a_slope_bounces_as_in_its_frame() -> None:

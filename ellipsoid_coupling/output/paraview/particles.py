@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,7 @@ def particle_arrays(result: Result, index: int, realisation: int | None) -> dict
     chosen = slice(None) if realisation is None else slice(realisation, realisation + 1)
     flat = {name: array[index, chosen].ravel() for name, array in result.variables.items()}
     particles = result.scene.particles
-    arrays = {
+    arrays: dict[str, Any] = {
         "x": flat["x"],
         "y": flat["y"],
         **glyph_arrays(flat["angle"], (particles.length, particles.width)),

@@ -106,7 +106,7 @@ def places_inside(outline: Outline, domain: Domain, x: Floats, y: Floats) -> NDA
 
 
 def fluid_edges(scene: Scene, outline: Outline) -> FluidEdges:
-    """What bounds the fluid of a scene in a case with this outline.
+    """What bounds the fluid of a scene in a case with this outline, of no edge where nothing is known.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _edges_of_outline(
         if side.particles == "wrap":
             held &= ~lying_on(outline.ends, scene.domain, side_name)
     patches = outline.patch[held]
-    acts = np.array([_ACTS[part.particles] for part in parts.values()])[patches]
+    acts = np.array([_ACTS[part.particles] for part in parts.values()], np.int64)[patches]
     if (acts == SHIFTS).any():
         name = outline.names[int(patches[acts == SHIFTS][0])]
         raise InputError(

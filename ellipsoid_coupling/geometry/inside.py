@@ -40,7 +40,9 @@ def windings(ends: Floats, x: Floats, y: Floats) -> Indices:
 
 
 def enclosed_area(ends: Floats) -> float:
-    """The area on the left of closed lines of edges (E, 2, 2); negative around solids alone."""
+    """The area on the left of closed lines of edges (E, 2, 2); negative around solids alone, 0 of none."""
+    if len(ends) == 0:
+        return 0.0
     origin = ends.reshape(-1, 2).mean(axis=0)
     start, stop = ends[:, 0] - origin, ends[:, 1] - origin
     return float(0.5 * (start[:, 0] * stop[:, 1] - start[:, 1] * stop[:, 0]).sum())

@@ -142,6 +142,19 @@ def test_an_inlet_that_nobody_can_store_is_refused() -> None:
         ec.simulate(scene(**{"boundaries.inlet.density": 1e12}), "microscopic", flow=FLOW)
 
 
+def test_a_side_of_the_domain_may_be_an_inlet() -> None:
+    """Where nothing is known of the flow's outline: walls and an outlet are sides as well."""
+    sides = {"left": {"kind": "inlet", "density": DENSITY}, "right": {"kind": "remove"}}
+    table = scene().model_dump(mode="json", exclude_none=True) | {"boundaries": sides}
+    own = ec.load_scene(table, {"domain.boundary": "reflecting"})
+    result = ec.simulate(own, "mckean_vlasov", "paper", flow=poiseuille(None))
+    came_in, inside, ended = balance(result)
+    assert np.array_equal(result.attributes["particles_at_start"] + came_in, inside + ended)
+    expected = DENSITY * TIMES[-1] * result.attributes["particles_at_start"]
+    assert came_in[-1] == pytest.approx(expected, rel=0.01)
+    assert result.attributes["fates"].startswith("left 0, right ")
+
+
 def test_an_inlet_needs_a_fluid() -> None:
     still = ec.load_scene("cavity_free", {"flow": None, "boundaries.left.kind": "inlet",
                                           "boundaries.left.density": 1.0})  # fmt: skip

@@ -231,7 +231,7 @@ def run(
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
     """The most important attributes of a run, as a table."""
     names = ["status", "warnings", "resolution", "flow", "steps", "rejected_steps", "step_limits"]
-    names += ["mass_start", "mass_end", "particles_outside_flow"]
+    names += ["mass_start", "mass_end", "mass_came_in", "particles_outside_flow", "fates"]
     rows = [(k, f"{attributes[k]}".removesuffix(".0")) for k in names if k in attributes]
     timed = [k for k in ("wall_seconds", "compile_seconds") if k in attributes]
     rows += [(k, f"{attributes[k]:.2f}") for k in timed]

@@ -16,6 +16,7 @@ from ellipsoid_coupling.files.netcdf import Stored, read_netcdf, write_netcdf
 from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.geometry import histograms
+from ellipsoid_coupling.geometry.fate_codes import INSIDE, NOT_YET
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
 
 # A variable of some runs only: 1 for a particle that has left the flow's mesh, from then on.
 FROZEN = "frozen"
-MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN,), "q": (), "rho": ()}
+# Likewise, of runs whose particles can end at patches or come in: codes, whole numbers.
+FATE = "fate"
+MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE), "q": (), "rho": ()}
 
 # The attribute that tells of further variables, those of a model from outside: a line each, "name, units,
 # long name".
@@ -57,16 +60,17 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
     "density": ("1", "probability density"),
     "mean_angle": ("rad", "mean angle of the main axis against the x axis"),
     FROZEN: ("1", "1 where the particle has left the flow's mesh and stays where it left it"),
+    FATE: ("1", "what has become of the particle: the patch at which it ended, and where it stays"),
 }
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
     "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
-    "step_limits", FURTHER,
+    "step_limits", "fates", "fate_meanings", "mass_left_by_patch", FURTHER,
 )  # fmt: skip
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
-    "compile_seconds", "particles_outside_flow",
+    "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
 )  # fmt: skip
 _LONGEST = 10_000
 _REMEDY = "Give a result.nc that this package wrote."
@@ -84,6 +88,15 @@ def further_variables(attributes: dict[str, Any]) -> dict[str, tuple[str, str]]:
     return {name: (units, long_name) for name, units, long_name, *_ in parts}
 
 
+def _flags(meanings: str) -> dict[str, Any]:
+    """The attributes of a variable of codes, from "0 inside, 3 stick@cylinder"."""
+    pairs = [pair.split(" ") for pair in meanings.split(", ") if pair]
+    return {
+        "flag_values": np.array([int(code) for code, _ in pairs], np.int32),
+        "flag_meanings": " ".join(word for _, word in pairs),
+    }
+
+
 @dataclass(frozen=True)
 class Result:
     """The saved times of one run.
@@ -97,6 +110,7 @@ class Result:
     times : (T,) float64
         The scene's save times (those reached, where the run failed).
     variables : dict of (T, ...) float64
+        `fate` alone is int32.
     coordinates : dict
         Cell centres of the grid's axes.
     attributes : dict
@@ -127,7 +141,8 @@ class Result:
     def density(self, cells: int = 30) -> Floats:
         """The particles' probability density on cells x cells bins of the domain.
 
-        Particles that have left the flow's mesh are in no bin.
+        Particles that have left the flow, or have not come in yet, are in no bin. Each of the others has
+        the mass 1/N, with N of them at the start.
 
         Returns
         -------
@@ -136,16 +151,34 @@ class Result:
         ranges = (self.scene.domain.x, self.scene.domain.y)
         if self.layout == "particles":
             places = zip(self.variables["x"], self.variables["y"], self._frozen(), strict=True)
+            part = self.variables["x"][0].size / self._particles_at_start
             return np.array(
-                [histograms.particle_density(x, y, *ranges, cells, gone) for x, y, gone in places]
+                [
+                    part * histograms.particle_density(x, y, *ranges, cells, gone)
+                    for x, y, gone in places
+                ]
             )
         return np.array([histograms.grid_density(d, *ranges, cells) for d in self.cell_density()])
 
     @property
+    def _particles_at_start(self) -> float:
+        """How many particles hold a mass of 1."""
+        return float(self.attributes.get("particles_at_start", self.variables["x"][0].size))
+
+    @property
     def frozen(self) -> NDArray[np.bool_] | None:
-        """The particles that have left the flow's mesh, (T, R, N); None where none can."""
-        marks = self.variables.get(FROZEN)
-        return None if marks is None else marks != 0.0
+        """The particles that take no part, (T, R, N), as they have left the flow or have not come in yet.
+
+        None where there can be none.
+        """
+        marks = self.variables.get(FATE, self.variables.get(FROZEN))
+        return None if marks is None else marks != INSIDE
+
+    @property
+    def unborn(self) -> NDArray[np.bool_] | None:
+        """The particles that an inlet has not fed in yet, (T, R, N); None where there can be none."""
+        codes = self.variables.get(FATE)
+        return None if codes is None else codes == NOT_YET
 
     def _frozen(self) -> Sequence[NDArray[np.bool_] | None]:
         """`frozen` of each saved time."""
@@ -208,6 +241,8 @@ class Result:
         for name in data.variables:
             units, long_name = described[str(name)]
             data[name].attrs = {"units": units, "long_name": long_name}
+        if FATE in data:
+            data[FATE].attrs |= _flags(str(self.attributes.get("fate_meanings", "")))
         return data
 
     def save(self, path: Path) -> None:
@@ -277,9 +312,12 @@ class Result:
             found = ", ".join(sorted(self.variables)) or "none"
             raise InputError(where, f"the variables {', '.join(wanted)}", found, _REMEDY)
         for name, array in self.variables.items():
-            if array.shape != shape or array.dtype != np.float64:
+            wanted_type = np.int32 if name == FATE else np.float64
+            if array.shape != shape or array.dtype != wanted_type:
                 over = ", ".join(DIMENSIONS[self.layout])
-                expected = f"floats over ({over}) = {shape}, alike for all variables"
+                expected = (
+                    f"{np.dtype(wanted_type)} over ({over}) = {shape}, alike for all variables"
+                )
                 found = f"{array.dtype} {array.shape}"
                 raise InputError(f"{where}, {name}", expected, found, _REMEDY)
         axes = {k for k in DIMENSIONS[self.layout] if k in _DESCRIPTION} - {"time"}
@@ -287,6 +325,8 @@ class Result:
             raise InputError(where, f"numbers for the axes {', '.join(axes)}", "none", _REMEDY)
         for name, array in (self.variables | self.coordinates).items():
             wrong = ~np.isfinite(array)
+            if self.unborn is not None and name in self.variables:
+                wrong &= ~self.unborn
             if wrong.any():
                 raise InputError(
                     f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",

@@ -17,9 +17,11 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
-from ellipsoid_coupling.models.flow_fit import require_fitting, require_start_inside
-from ellipsoid_coupling.models.from_scene import scene_drift, scene_rates
-from ellipsoid_coupling.models.particle_model import none_frozen, particle_snapshot, scene_limits
+from ellipsoid_coupling.models.flow_fit import require_fitting
+from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges, scene_rates
+from ellipsoid_coupling.models.particle_model import resting, scene_limits
+from ellipsoid_coupling.models.particle_reports import particle_snapshot
+from ellipsoid_coupling.particles.at_edges import straight_at_edges
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_places
 from ellipsoid_coupling.result import Result
@@ -36,6 +38,8 @@ _LARGEST_STEP = 0.01
 
 def has_exact_reference(scene: Scene) -> bool:
     """Whether `exact_reference` can solve the scene."""
+    if scene.has_inflow:
+        return False
     noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
     return scene.interaction is None and not noisy and scene.start.points is None
 
@@ -98,10 +102,11 @@ def _push(
     t, dt = times
     place, velocity, frozen = state.place[k], state.velocity[k], frozen_row(state.frozen, k)
     for step in range(steps):
-        before = places_before(limits.mesh, place)
+        before, start = places_before(limits.mesh, place), places_before(limits.edges, place)
         now = t + step * dt
         _runge_kutta(drift, now, damping, place, velocity, dt, frozen, limits.periods)
         bounce(limits.box, place, velocity)
+        straight_at_edges(limits.edges, state, k, start, (now, dt))
         freeze(state, k, limits, before)
         wrap_places(limits.periods, place)
 
@@ -142,27 +147,24 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     Raises
     ------
     InputError
-        For a scene with interaction or noise, whose particles are not independent; or a start in a
-        solid or beyond the flow's mesh.
+        For a scene with interaction, noise or an inlet, whose particles are not those of the start alone;
+        or a start in a solid or beyond the flow's mesh.
     """
     if not has_exact_reference(scene):
         raise InputError(
             f"scene {scene.name}",
-            "no interaction, no noise and a start box",
-            "interaction, noise or start.points",
+            "no interaction, no noise, no inlet and a start box",
+            "interaction, noise, an inlet or start.points",
             "Compare with the microscopic ensemble instead.",
         )
     require_fitting(scene, flow)
     setup = Setup(scene, terms_of(scene), ADAPTIVE_SCHEME, flow, 0, 1)
-    limits = scene_limits(setup, scene.particles.number)
-    terms = scene_drift(setup), scene_rates(setup).damping, limits
+    edges = scene_edges(setup)
+    limits = scene_limits(setup, edges, scene.particles.number)
+    terms = scene_drift(setup, edges), scene_rates(setup).damping, limits
     damping = terms[1]
     place = _sample_points(scene, side, damping.size)
-    require_start_inside(scene, flow, place[:, 0], place[:, 1])
-    still = np.zeros_like(place)
-    state = ParticleState(
-        place, still, still.copy(), np.empty((1, 0)), None, none_frozen(setup, place)
-    )
+    state = resting(setup, edges, place, np.empty((1, 0)))
     longest = min(_LARGEST_STEP, _LARGEST_DAMPED_STEP / max(float(damping.max()), 1e-9))
     snapshots: list[Arrays] = []
     before = 0.0

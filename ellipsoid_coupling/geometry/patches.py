@@ -17,7 +17,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.scene import BoundaryPart
+from ellipsoid_coupling.scenes.scene import BoundaryPart, Domain
 from ellipsoid_coupling.scenes.sides import SIDES
 
 _BY_TYPE = {
@@ -68,10 +68,15 @@ def require_patches(scene: Scene, patches: tuple[str, ...]) -> None:
         )  # fmt: skip
 
 
+def same_place(domain: Domain) -> float:
+    """How far an edge may be off a side of the domain that it lies on."""
+    return _SAME_PLACE * max(domain.width, domain.height)
+
+
 def on_sides(scene: Scene, outline: Outline) -> NDArray[np.bool_]:
     """(E,), which edges lie on a side of the domain, as wide as that or not."""
     domain = scene.domain
-    tolerance = _SAME_PLACE * max(domain.width, domain.height)
+    tolerance = same_place(domain)
     lying = [
         np.abs(outline.ends[:, :, axis] - end).max(axis=1) <= tolerance
         for axis, side in enumerate((domain.x, domain.y))

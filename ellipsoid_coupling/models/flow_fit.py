@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.scales import normal_speed
-from ellipsoid_coupling.geometry.patches import require_patches
+from ellipsoid_coupling.geometry.edge_grid import REFLECTS, edge_ends
+from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
+from ellipsoid_coupling.geometry.patches import is_outlined, require_patches
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SideName
 
@@ -72,6 +75,9 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     if flow is None:
         return
     _require_periodic(scene, flow)
+    if is_outlined(scene, flow):
+        _require_tight(scene, flow)
+        return
     if math.isinf(flow.bounds[0]):
         return
     for name, axis, end in _SIDES:
@@ -85,6 +91,49 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
                 'Set domain.boundary = "open", make the domain the flow\'s rectangle '
                 f"{rectangle(flow)}, or give another flow.",
             )
+
+
+def _require_tight(scene: Scene, flow: FlowField) -> None:
+    """Refuse patches, and sides of the domain that cut the fluid, which reflect where fluid crosses."""
+    assert flow.outline is not None
+    edges = fluid_edges(scene, flow.outline)
+    reflecting = np.unique(edges.grid.patches[edges.grid.acts == REFLECTS])
+    largest = flow.largest_speed
+    for p in reflecting:
+        if p < len(flow.outline.names):
+            across = _through_patch(flow.outline, int(p))
+        else:
+            across = _through_side(edges, flow, int(p))
+        if across > _TIGHT * largest:
+            raise InputError(
+                f"scene {scene.name}, key boundaries.{edges.names[p]}.kind",
+                "a boundary that reflects where the flow has a wall",
+                f"none on {edges.names[p]}: fluid crosses it with {across:.3g} on the mean, the largest "
+                f"speed is {largest:.3g}",
+                "Take another kind of boundary there, or give another flow.",
+            )
+
+
+def _through_patch(outline: Outline, patch: int) -> float:
+    """The mean speed across a patch, by the case's own fluxes."""
+    own = outline.patch == patch
+    return float(np.abs(outline.outflow[own]).sum() / outline.lengths()[own].sum())
+
+
+def _through_side(edges: FluidEdges, flow: FlowField, side: int) -> float:
+    """The mean speed across what a side of the domain cuts of the fluid."""
+    ends = edge_ends(edges.grid)[edges.grid.patches == side]
+    middle, way = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    # As many points on each edge as make `_POINTS` in all.
+    part = (np.arange(max(1, _POINTS // len(ends))) + 0.5) / max(1, _POINTS // len(ends)) - 0.5
+    place = middle[:, None] + part[:, None] * way[:, None]
+    sample = flow.evaluate(place[..., 0], place[..., 1])
+    length = np.hypot(way[:, 0], way[:, 1])[:, None]
+    across = np.abs(sample.velocity_y * way[:, None, 0] - sample.velocity_x * way[:, None, 1])
+    # Just before the edge, where it is clear which side is the fluid.
+    before = place + 1e-6 * np.stack((-way[:, 1], way[:, 0]), axis=-1)[:, None]
+    weight = length * edges.inside(before[..., 0], before[..., 1])
+    return float((across / length * weight).sum() / max(weight.sum(), 1e-300))
 
 
 def _require_periodic(scene: Scene, flow: FlowField) -> None:

@@ -9,11 +9,16 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.flow import FlowArrays
+from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.geometry.boundaries import periodic_axes
+from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
+from ellipsoid_coupling.geometry.patches import is_outlined
 from ellipsoid_coupling.interaction import Walls
 from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs
 from ellipsoid_coupling.interaction.particle_forces import Drift
+from ellipsoid_coupling.interaction.wall_lines import ghosts_along
+from ellipsoid_coupling.interaction.walls import GhostParticles
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
 from ellipsoid_coupling.particles.state import Rates
@@ -25,13 +30,26 @@ Floats = NDArray[np.float64]
 
 
 def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
-    """The scene's walls with both kinds of ghosts; None without [walls]."""
+    """The walls of a scene's domain with both kinds of ghosts; None without [walls].
+
+    Raises
+    ------
+    InputError
+        For walls that are no sides of the domain.
+    """
     part = scene.walls
     if part is None or scene.interaction is None:
         return None
+    if not scene.wall_sides:
+        raise InputError(
+            f"scene {scene.name}, key walls.sides",
+            "walls on sides of the domain, where no patches of a case bound the fluid",
+            f"{', '.join(part.sides or ('none that reflects',))}",
+            "Name sides, or give a flow whose case has these patches.",
+        )
     return Walls(
         domain=(scene.domain.x, scene.domain.y),
-        sides=part.sides,
+        sides=scene.wall_sides,
         length=scene.particles.length,
         shape=shape,
         strength=scene.interaction.strength,
@@ -41,13 +59,23 @@ def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
     )
 
 
-def _ghost_sources(walls: Walls, pairs: Pairs) -> Sources:
-    ghosts = walls.ghost_particles()
+def scene_ghosts(scene: Scene, edges: FluidEdges | None) -> GhostParticles | None:
+    """The ghost particles on a scene's walls, sides of its domain or edges; None without [walls]."""
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    if edges is None:
+        walls = scene_walls(scene, shape)
+        return None if walls is None else walls.ghost_particles()
+    if scene.walls is None or scene.interaction is None:
+        return None
+    return ghosts_along(edges.walls(scene.walls.sides), scene.particles.length)
+
+
+def _ghost_sources(ghosts: GhostParticles, pairs: Pairs) -> Sources:
     c2, s2 = np.cos(2.0 * ghosts.angle), np.sin(2.0 * ghosts.angle)
     return sort_by_cell(ghosts.x, ghosts.y, c2, s2, pairs.grid)[0]
 
 
-def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
+def scene_pairs(scene: Scene, torque: bool, edges: FluidEdges | None = None) -> Pairs | None:
     """The pair interaction with its 1/N, 1/m and 1/I_c, ghost particles included; None without."""
     if scene.interaction is None:
         return None
@@ -62,10 +90,11 @@ def scene_pairs(scene: Scene, torque: bool) -> Pairs | None:
         ghosts=None,
         ghost_factor=0.0,
     )
-    walls = scene_walls(scene, shape)
-    if walls is None:
+    ghosts = scene_ghosts(scene, edges)
+    if ghosts is None or scene.walls is None:
         return pairs
-    return pairs._replace(ghosts=_ghost_sources(walls, pairs), ghost_factor=walls.strength_factor)
+    sources = _ghost_sources(ghosts, pairs)
+    return pairs._replace(ghosts=sources, ghost_factor=scene.walls.strength_factor)
 
 
 def scene_fluid(setup: Setup) -> Fluid | None:
@@ -88,15 +117,43 @@ def scene_external(setup: Setup) -> External:
     return External(scene_fluid(setup), scene.outer_potential, scene.angular_potential)
 
 
-def scene_drift(setup: Setup) -> Drift:
-    """The drift of `setup`'s scene; a term that it lacks is None."""
-    return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque))
+def scene_drift(setup: Setup, edges: FluidEdges | None = None) -> Drift:
+    """The drift of `setup`'s scene; a term that it lacks is None.
+
+    edges : as of `scene_edges`, on which walls have their ghosts
+    """
+    return Drift(scene_external(setup), scene_pairs(setup.scene, setup.terms.torque, edges))
+
+
+def scene_edges(setup: Setup) -> FluidEdges | None:
+    """What bounds the fluid; None where the domain is a box that reflects or may be left.
+
+    Patches of the flow's case, or else the sides of the domain, where particles come in through one.
+
+    Raises
+    ------
+    InputError
+        For patches that do not fit the scene.
+    """
+    if not _has_edges(setup):
+        return None
+    flow, scene = setup.flow, setup.scene
+    patches = flow.outline if flow is not None and is_outlined(scene, flow) else None
+    return fluid_edges(scene, polygon_outline([]) if patches is None else patches)
+
+
+def _has_edges(setup: Setup) -> bool:
+    return setup.flow is not None and (
+        is_outlined(setup.scene, setup.flow) or setup.scene.has_inflow
+    )
 
 
 def scene_mesh(setup: Setup) -> FlowArrays | None:
-    """The flow, if particles can leave its mesh; None where they cannot."""
+    """The flow, if particles can leave its mesh; None where they cannot, or where edges bound the fluid."""
     flow = setup.flow
-    return flow.arrays if flow is not None and can_be_left(setup.scene, flow) else None
+    if flow is None or _has_edges(setup) or not can_be_left(setup.scene, flow):
+        return None
+    return flow.arrays
 
 
 def scene_rates(setup: Setup) -> Rates:

@@ -30,7 +30,8 @@ from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePair
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
-from ellipsoid_coupling.models.from_scene import scene_drift
+from ellipsoid_coupling.models.bounded import start_count
+from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
 from ellipsoid_coupling.models.summation import among_samples
@@ -59,10 +60,15 @@ def _blocks_of_points(scene: Scene, samples: int) -> Floats:
     return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
+def is_noisy(setup: Setup) -> bool:
+    """Whether samples move at random, so that they start and come in at random, too."""
+    return setup.terms.noise or setup.terms.angular_noise
+
+
 def start_points(setup: Setup) -> Floats:
     """Where samples start, (K, 2, B): blocks are realisations, or without noise rows of even points."""
     scene, realisations = setup.scene, setup.realisations
-    if setup.terms.noise or setup.terms.angular_noise:
+    if is_noisy(setup):
         return random_points(scene, setup.seed, realisations)
     return _blocks_of_points(scene, scene.particles.number * realisations)
 
@@ -71,18 +77,19 @@ def _interact(
     interaction: SampleInteraction | SamplePairs,
     weights: tuple[float, float],
     frozen: Flags | None,
+    samples: int,
     t: float,
     place: Floats,
     force: Floats,
 ) -> None:
-    """`forces.BlockInteraction` of all samples that have not left the flow's mesh; each keeps its mass."""
+    """`forces.BlockInteraction` of all samples that take part, each with the mass 1/samples."""
     del t  # the potential does not depend on it
     if frozen is None or not frozen.any():
         interaction.add_forces(place, weights, force)
         return
     moving = frozen == 0
     if moving.any():
-        part = np.count_nonzero(moving) / moving.size
+        part = np.count_nonzero(moving) / samples
         some = np.ascontiguousarray(place.swapaxes(0, 1)[:, moving])[None]
         felt = np.zeros_like(some)
         interaction.add_forces(some, (part * weights[0], part * weights[1]), felt)
@@ -105,21 +112,22 @@ class McKeanVlasov(ParticleModel):
     )
 
     def __init__(self, name: str, setup: Setup) -> None:
-        state = start_at_rest(setup, start_points(setup), 1)
-        samples = state.place[:, 0].size
-        super().__init__(name, setup, state, samples)
+        edges, evenly = scene_edges(setup), not is_noisy(setup)
+        state = start_at_rest(setup, edges, start_points(setup), 1, evenly=evenly)
+        samples = start_count(state)
+        super().__init__(name, setup, edges, state, samples)
         asked = scene_samples(setup.scene, samples)
         self._interaction = None if asked is None else choose_samples(asked)
-        self._forces = self._forces_of(setup, state.frozen)
+        self._forces = self._forces_of(setup, state.frozen, samples)
 
-    def _forces_of(self, setup: Setup, frozen: Flags | None) -> Forces:
-        particles, drift = setup.scene.particles, scene_drift(setup)
+    def _forces_of(self, setup: Setup, frozen: Flags | None, samples: int) -> Forces:
+        particles, drift = setup.scene.particles, scene_drift(setup, self._edges)
         block, workspace = BlockForces(drift._replace(pairs=None), drift.pairs), BufferPool()
         if self._interaction is None:
             return Forces(block, None, workspace)
         weights = 1.0 / particles.mass, 1.0 / particles.inertia
         # A bound method would make a cycle of references, which delays that the model is freed.
-        acting = partial(_interact, self._interaction, weights, frozen)
+        acting = partial(_interact, self._interaction, weights, frozen, samples)
         return Forces(block, acting, workspace)
 
     def _steps_per_call(self) -> int:

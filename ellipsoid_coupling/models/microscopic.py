@@ -28,7 +28,7 @@ from ellipsoid_coupling.compiled.tuning import (
 )
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud
 from ellipsoid_coupling.models.base import Setup
-from ellipsoid_coupling.models.from_scene import scene_drift
+from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
 from ellipsoid_coupling.models.summation import pair_by_pair
@@ -60,10 +60,12 @@ class Microscopic(ParticleModel):
     def __init__(self, name: str, setup: Setup) -> None:
         scene, realisations = setup.scene, setup.realisations
         number = scene.particles.number
-        points = random_points(scene, setup.seed, realisations)
-        super().__init__(name, setup, start_at_rest(setup, points, realisations), number)
-        self._drift = scene_drift(setup)
-        self._large = LargeCloud(self._drift, number) if number >= LARGE_CLOUD else None
+        points, edges = random_points(scene, setup.seed, realisations), scene_edges(setup)
+        start = start_at_rest(setup, edges, points, realisations)
+        super().__init__(name, setup, edges, start, number)
+        self._drift = scene_drift(setup, edges)
+        slots = start.place.shape[2]
+        self._large = LargeCloud(self._drift, slots) if slots >= LARGE_CLOUD else None
         self._workspace = BufferPool()
 
     def _steps_per_call(self) -> int:

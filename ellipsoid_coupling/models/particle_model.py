@@ -10,13 +10,30 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
 from ellipsoid_coupling.geometry.boundaries import box_of_sides
+from ellipsoid_coupling.geometry.fate_codes import INSIDE
+from ellipsoid_coupling.geometry.fluid_edges import FluidEdges
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
-from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
+from ellipsoid_coupling.models.bounded import (
+    health_at_edges,
+    off_the_edges,
+    require_fluid_at_inlets,
+    require_start_in_fluid,
+    restore_fates,
+    start_count,
+    with_fates,
+)
+from ellipsoid_coupling.models.ended import fate_log
+from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.flow_fit import rectangle, require_start_inside
 from ellipsoid_coupling.models.from_scene import scene_mesh, scene_rates
 from ellipsoid_coupling.models.kind import ModelKind
+from ellipsoid_coupling.models.particle_reports import (
+    count_frozen,
+    particle_failure_site,
+    particle_health,
+    particle_snapshot,
+)
 from ellipsoid_coupling.models.periodic import require_wide_periods
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
@@ -25,16 +42,14 @@ from ellipsoid_coupling.particles.collisions import (
     highest,
     steepest,
 )
+from ellipsoid_coupling.particles.fates import all_inside
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block, start_positions
 from ellipsoid_coupling.particles.state import Contact, Limits, ParticleState
-from ellipsoid_coupling.physics.outer import outer_force
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.stepping.status import MEANING
 from ellipsoid_coupling.stepping.step_control import (
     GIVEN,
-    LARGEST_FORCE,
-    LARGEST_TORQUE,
     STATUS,
     TIME,
     new_clock,
@@ -52,6 +67,8 @@ class ParticleModel(ABC):
     ----------
     name : str
     setup : Setup
+    edges : FluidEdges or None
+        As of `scene_edges`.
     state : ParticleState
         At the scene's start; a row of clock for each block, or one for all of them.
     number : int
@@ -60,20 +77,31 @@ class ParticleModel(ABC):
 
     kinds: ClassVar[tuple[ModelKind, ...]]
 
-    def __init__(self, name: str, setup: Setup, state: ParticleState, number: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        setup: Setup,
+        edges: FluidEdges | None,
+        state: ParticleState,
+        number: int,
+    ) -> None:
         self.name = name
         self._setup = setup
+        self._edges = edges
         self._stepper = STEPPERS[setup.scheme]
         self._rates = scene_rates(setup)
-        self._limits = scene_limits(setup, number)
+        self._limits = scene_limits(setup, edges, number)
         self._state = state
+        # Those of the start, which hold a mass of 1.
+        self._start = start_count(state)
         # How many blocks of noise each clock has used.
         self._noise_blocks = np.zeros(len(state.clock), np.int64)
 
     @classmethod
     def require_fit(cls, setup: Setup) -> None:
-        """Raise InputError for periods that particles would interact around."""
+        """Raise InputError for periods that particles would interact around, or an inlet without fluid."""
         require_wide_periods(setup.scene)
+        require_fluid_at_inlets(setup.scene)
 
     @property
     def time(self) -> float:
@@ -117,7 +145,9 @@ class ParticleModel(ABC):
         # Philox is drawn in C without Python's lock, so that threads help.
         for_each(len(waiting), draw)
         self._noise_blocks += late
-        if state.frozen is not None:
+        if state.fates is not None:
+            np.moveaxis(noise, -1, 1)[state.fates.code > INSIDE] = 0.0
+        elif state.frozen is not None:
             np.moveaxis(noise, -1, 1)[state.frozen != 0] = 0.0
         return noise
 
@@ -142,21 +172,35 @@ class ParticleModel(ABC):
     def state(self) -> Arrays:
         """Positions, velocities, drift, clocks and the number of noise blocks used."""
         fields = self._state
-        return {
+        arrays: Arrays = {
             "place": fields.place,
             "velocity": fields.velocity,
             "force": fields.force,
             "clock": fields.clock,
             "blocks": self._noise_blocks,
         }
+        if fields.fates is not None:
+            arrays |= {"fate": fields.fates.code, "fate_time": fields.fates.time}
+        return arrays
 
     def restore(self, state: Arrays) -> None:
-        """Continue from a `state`; who has left the flow's mesh lies outside of it, all others inside."""
+        """Continue from a `state`: who takes part follows from fates, or else from the flow's mesh.
+
+        Who has left that mesh lies outside of it, all others inside.
+
+        Raises
+        ------
+        InputError
+            For fates that no run has.
+        """
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
         place, frozen, flow = self._state.place, self._state.frozen, self._setup.flow
-        if frozen is not None and flow is not None:
+        if self._state.fates is not None:
+            assert self._edges is not None
+            restore_fates(self._state, len(self._edges.names))
+        elif frozen is not None and flow is not None:
             frozen[...] = ~flow.evaluate(place[:, 0], place[:, 1]).inside
 
     def failure_site(self) -> FailureSite:
@@ -165,10 +209,19 @@ class ParticleModel(ABC):
 
     def health(self) -> Health:
         """Speeds and forces of all particles, and whether all are inside."""
+        if self._edges is not None:
+            return health_at_edges(self._state, self._edges, self._start)
         return particle_health(self._state, box_of_sides(self._setup.scene, "reflect", "wrap"))
 
     def counts(self) -> Counts:
-        """The steps, how many particles have left the flow's mesh, and the mass, which these take along."""
+        """The steps, how many particles have left the flow's mesh, and the mass, which these take along.
+
+        Where patches bound the fluid: how many have ended at each, and how much mass has come in.
+        """
+        if self._edges is not None:
+            fates = self._state.fates or all_inside(1, self._start)
+            log = fate_log(fates, self._state.births, self._edges, self._start)
+            return step_log(self._state.clock) | log
         left, number = count_frozen(self._state), self._state.place[:, 0].size
         return step_log(self._state.clock) | {
             "particles_outside_flow": float(left),
@@ -206,9 +259,10 @@ def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
     )
 
 
-def scene_limits(setup: Setup, number: int) -> Limits:
-    """Step size, tolerance, reflecting box, mesh that can be left, contacts and periods of the steppers.
+def scene_limits(setup: Setup, edges: FluidEdges | None, number: int) -> Limits:
+    """Step size, tolerance, contacts and periods of the steppers, and what bounds the particles.
 
+    edges : as of `scene_edges`; without them a reflecting box, and a mesh that can be left
     number : how many particles share the interaction's strength
     """
     numerics = setup.scene.numerics
@@ -216,7 +270,18 @@ def scene_limits(setup: Setup, number: int) -> Limits:
     box, periods = box_of_sides(setup.scene, "reflect"), box_of_sides(setup.scene, "wrap")
     contact = scene_contact(setup, scale, number)
     mesh = scene_mesh(setup)
-    return Limits(numerics.time_step, numerics.tolerance, scale, box, mesh, contact, periods)
+    if edges is not None:
+        box = None
+    return Limits(
+        numerics.time_step,
+        numerics.tolerance,
+        scale,
+        box,
+        mesh,
+        contact,
+        periods,
+        None if edges is None else edges.grid,
+    )
 
 
 def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
@@ -229,10 +294,13 @@ def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
     )
 
 
-def start_at_rest(setup: Setup, points: Floats, clocks: int) -> ParticleState:
+def start_at_rest(
+    setup: Setup, edges: FluidEdges | None, points: Floats, clocks: int, *, evenly: bool = False
+) -> ParticleState:
     """Particles at rest at `points` (blocks, 2, n), at the start angle, with so many rows of clock.
 
-    With start.points these are where all realisations start, whatever `points` are.
+    With start.points these are where all realisations start, whatever `points` are. Behind them stand slots
+    for those that inlets feed in, at random or `evenly`.
 
     Raises
     ------
@@ -243,28 +311,29 @@ def start_at_rest(setup: Setup, points: Floats, clocks: int) -> ParticleState:
     places = np.array(start.places())
     if places.size:
         points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
-    require_start_inside(setup.scene, setup.flow, points[:, 0], points[:, 1])
     blocks, _, size = points.shape
     place = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
     place[:, :2] = points
     if places.size:
         place[:, 2:] = places[:, 2]
     clock = new_clock(clocks, setup.scene.numerics.time_step, GIVEN)
-    return ParticleState(
-        place, np.zeros_like(place), np.zeros_like(place), clock, None, none_frozen(setup, place)
-    )
+    return resting(setup, edges, place, clock, evenly=evenly)
 
 
-def none_frozen(setup: Setup, place: Floats) -> Flags | None:
-    """The flags (blocks, n) of particles at `place` (blocks, D, n), none of which has left the mesh."""
-    if scene_mesh(setup) is None:
-        return None
-    return np.zeros((place.shape[0], place.shape[2]), np.uint8)
-
-
-def count_frozen(state: ParticleState) -> int:
-    """How many particles have left the flow's mesh."""
-    return 0 if state.frozen is None else int(np.count_nonzero(state.frozen))
+def resting(
+    setup: Setup, edges: FluidEdges | None, place: Floats, clock: Floats, *, evenly: bool = False
+) -> ParticleState:
+    """Particles at rest at `place` (blocks, D, n); see `start_at_rest`."""
+    still, scene = np.zeros_like(place), setup.scene
+    if edges is None:
+        require_start_inside(scene, setup.flow, place[:, 0], place[:, 1])
+        watched = scene_mesh(setup) is not None
+        frozen = np.zeros((place.shape[0], place.shape[2]), np.uint8) if watched else None
+        return ParticleState(place, still, still.copy(), clock, None, frozen)
+    require_start_in_fluid(setup, edges, place[:, 0], place[:, 1])
+    place[:, :2] = off_the_edges(edges, place[:, :2])
+    alone = ParticleState(place, still, still.copy(), clock, None)
+    return with_fates(alone, setup, edges, evenly)
 
 
 def _where(state: ParticleState, setup: Setup, name: str, block: int | None) -> str:
@@ -293,58 +362,3 @@ def require_none_left(state: ParticleState, setup: Setup, name: str) -> None:
         f"{rectangle(setup.flow)}, less the solids in it, which do not reflect. "
         'Use a smaller time step, a flow without solids, or domain.boundary = "open".'
     )
-
-
-def _still_angles(scene: Scene) -> Floats | float:
-    """Where nothing turns: each point's own angle, or that of all."""
-    places = scene.start.places()
-    return np.array([angle for _, _, angle in places]) if places else scene.start.own_angle
-
-
-def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
-    """x, y, angle, velocity_x, velocity_y, angular_velocity, each a copy (R, N).
-
-    Where nothing turns, the angle is that of the start and the angular velocity 0. Where the flow's
-    mesh can be left, `frozen` is 1 for those that have.
-    """
-    place, velocity = state.place, state.velocity
-    turns = place.shape[1] == 3
-    still = np.zeros(place[:, 0].shape) + _still_angles(scene)
-    return {
-        "x": place[:, 0].copy(),
-        "y": place[:, 1].copy(),
-        "angle": (place[:, 2] if turns else still) + scene.start.turns,
-        "velocity_x": velocity[:, 0].copy(),
-        "velocity_y": velocity[:, 1].copy(),
-        "angular_velocity": velocity[:, 2].copy() if turns else np.zeros_like(still),
-        **({} if state.frozen is None else {"frozen": state.frozen.astype(np.float64)}),
-    }
-
-
-def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
-    """The particle that is pulled hardest."""
-    place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
-    i = worst(force)
-    x, y = float(place[0, i]), float(place[1, i])
-    scene, fluid = setup.scene, np.zeros(2)
-    if setup.flow is not None and scene.flow is not None:
-        sample = setup.flow.evaluate(x, y)
-        fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
-    outer = np.array(outer_force(scene.outer_potential, x, y))
-    terms = {
-        FLUID: float(np.hypot(*fluid)),
-        OUTER: float(np.hypot(*outer)),
-        PAIRS: float(np.hypot(*(force[:2, i] - fluid - outer))),
-        TORQUE: float(np.abs(force[2:, i]).max(initial=0.0)),
-    }
-    return FailureSite((x, y, *map(float, place[2:, i])), terms)
-
-
-def particle_health(state: ParticleState, box: Floats | None) -> Health:
-    """Of all realisations together; none may be outside of `box`, which reflects or wraps."""
-    place, velocity, force = state[:3]
-    v, omega, _, _, outside = survey_particles(place, velocity, force, box)
-    clock = state.clock
-    forces = float(clock[:, LARGEST_FORCE].max()), float(clock[:, LARGEST_TORQUE].max())
-    inside = 1.0 - count_frozen(state) / state.place[:, 0].size
-    return Health(inside, 0.0, (v, omega), forces, outside)

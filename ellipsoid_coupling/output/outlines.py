@@ -1,4 +1,4 @@
-"""Particles as ellipses to scale.
+"""Polygons: particles as ellipses to scale, cells as squares, the outline of the fluid.
 
 L and D are the ellipse's full length and full width, so its semi-axes are L/2 and D/2: the paper
 calls L the length, its sketch draws semi-axes 0.5 and 0.25 for the L = 1, D = 0.5 of its first
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ellipsoid_coupling.flow.outline import Outline
 
 Floats = NDArray[np.float64]
 
@@ -47,3 +49,24 @@ def square_outlines(x: Floats, y: Floats, width: float) -> Floats:
     """The corners of squares around centres (n,), anticlockwise, (n, 4, 2)."""
     corners = 0.5 * width * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return np.asarray(np.stack([x, y], axis=-1)[:, None, :] + corners)
+
+
+def outline_loops(outline: Outline) -> list[Floats]:
+    """The corners (n, 2) of each closed line of an outline, the fluid on the left of the way."""
+    # Ends of edges that meet may differ by rounding.
+    size = 1e-9 * float(np.abs(outline.ends).max(initial=1e-300))
+    rounded = np.round(outline.ends / size).astype(np.int64)
+    beginning: dict[tuple[int, int], list[int]] = {}
+    for e in reversed(range(len(rounded))):
+        beginning.setdefault((int(rounded[e, 0, 0]), int(rounded[e, 0, 1])), []).append(e)
+    taken, loops = np.zeros(len(rounded), np.bool_), []
+    for start in range(len(rounded)):
+        e, corners = start, []
+        while e >= 0 and not taken[e]:
+            taken[e] = True
+            corners.append(outline.ends[e, 0])
+            going_on = beginning.get((int(rounded[e, 1, 0]), int(rounded[e, 1, 1])), [])
+            e = next((f for f in going_on if not taken[f]), -1)
+        if corners:
+            loops.append(np.array(corners))
+    return loops

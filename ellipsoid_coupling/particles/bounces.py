@@ -44,7 +44,7 @@ class Flight(NamedTuple):
 
 
 @kernel
-def _mean_velocity(flight: Flight, t: float) -> float:
+def mean_velocity(flight: Flight, t: float) -> float:
     """(r(t) - r(0))/t."""
     phi1, phi2, phi3 = phi_functions(flight.damping * t)
     pushed = t * (phi2 * flight.force + phi3 * t * flight.slope)
@@ -52,7 +52,7 @@ def _mean_velocity(flight: Flight, t: float) -> float:
 
 
 @kernel
-def _velocity(flight: Flight, t: float) -> float:
+def velocity_at(flight: Flight, t: float) -> float:
     """v(t), without noise."""
     z = flight.damping * t
     phi1, phi2, _ = phi_functions(z)
@@ -63,24 +63,24 @@ def _velocity(flight: Flight, t: float) -> float:
 @kernel
 def _beyond(flight: Flight, wall: float, t: float) -> float:
     """How far beyond a wall the path is at t; over t if it begins at the wall."""
-    gap, mean = flight.place - wall, _mean_velocity(flight, t)
+    gap, mean = flight.place - wall, mean_velocity(flight, t)
     return mean if gap == 0.0 else gap + t * mean
 
 
 @kernel
-def _search(flight: Flight, wall: float, turning: bool, end: float) -> float:
+def time_of(flight: Flight, wall: float, turning: bool, end: float) -> float:
     """The time before `end` when the path is at a wall, or where it turns round: regula falsi (Illinois).
 
     Halving the value at the end that stays keeps the bracket and makes the order 1.44, without derivatives.
     """
     a, b = 0.0, end
-    at_a = _velocity(flight, a) + flight.noise if turning else _beyond(flight, wall, a)
-    at_b = _velocity(flight, b) + flight.noise if turning else _beyond(flight, wall, b)
+    at_a = velocity_at(flight, a) + flight.noise if turning else _beyond(flight, wall, a)
+    at_b = velocity_at(flight, b) + flight.noise if turning else _beyond(flight, wall, b)
     for _ in range(_MOST_ITERATIONS):
         if at_b == 0.0 or at_a == at_b:
             break
         c = b - at_b * (b - a) / (at_b - at_a)
-        at_c = _velocity(flight, c) + flight.noise if turning else _beyond(flight, wall, c)
+        at_c = velocity_at(flight, c) + flight.noise if turning else _beyond(flight, wall, c)
         if at_c * at_b < 0.0:
             a, at_a = b, at_b
         else:
@@ -93,16 +93,16 @@ def _search(flight: Flight, wall: float, turning: bool, end: float) -> float:
 
 
 @kernel
-def _first_exit(flight: Flight, left: float, low: float, high: float) -> tuple[float, float]:
+def first_exit(flight: Flight, left: float, low: float, high: float) -> tuple[float, float]:
     """The wall that the path crosses first, and a time when it is beyond; 0 if it crosses none."""
-    started, ended = flight.velocity + flight.noise, _velocity(flight, left) + flight.noise
+    started, ended = flight.velocity + flight.noise, velocity_at(flight, left) + flight.noise
     if started * ended < 0.0:
         # It turns round on the way: it may have crossed a wall and come back.
-        t = _search(flight, 0.0, True, left)
-        top = flight.place + t * _mean_velocity(flight, t)
+        t = time_of(flight, 0.0, True, left)
+        top = flight.place + t * mean_velocity(flight, t)
         if t > 0.0 and (top < low or top > high):
             return low if top < low else high, t
-    end = flight.place + left * _mean_velocity(flight, left)
+    end = flight.place + left * mean_velocity(flight, left)
     if end < low or end > high:
         return low if end < low else high, left
     return 0.0, 0.0
@@ -119,18 +119,18 @@ def fly(flight: Flight, time: float, low: float, high: float) -> tuple[float, fl
     """
     sign, left, resting = 1.0, time, False
     for bounces in range(_MOST_BOUNCES):
-        wall, beyond = _first_exit(flight, left, low, high)
+        wall, beyond = first_exit(flight, left, low, high)
         if beyond == 0.0:
-            end = flight.place + left * _mean_velocity(flight, left)
-            return min(max(end, low), high), _velocity(flight, left), sign, bounces
+            end = flight.place + left * mean_velocity(flight, left)
+            return min(max(end, low), high), velocity_at(flight, left), sign, bounces
         outwards = 1.0 if wall == high else -1.0
         at_once = flight.place == wall and (flight.velocity + flight.noise) * outwards >= 0.0
         if at_once and resting:
             # The force presses it against the wall, and the bounce before left it no speed.
             return wall, flight.velocity, sign, bounces
-        t = 0.0 if at_once else _search(flight, wall, False, beyond)
+        t = 0.0 if at_once else time_of(flight, wall, False, beyond)
         force = flight.force + t * flight.slope
-        speed = -_velocity(flight, t)
+        speed = -velocity_at(flight, t)
         flight = Flight(wall, speed, force, flight.slope, -flight.noise, flight.damping)
         sign, left, resting = -sign, left - t, at_once
     place = flight.place + left * (flight.velocity + flight.noise)

@@ -37,7 +37,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.geometry.edge_grid import EdgeGrid, clearance_at
 from ellipsoid_coupling.particles.extremes import sum_and_largest
+from ellipsoid_coupling.particles.fates import Fates, part_inside
 from ellipsoid_coupling.particles.linear import linear_step
 from ellipsoid_coupling.particles.state import Contact, Limits, Rates
 from ellipsoid_coupling.physics.potential import PotentialShape
@@ -100,12 +102,13 @@ def steepest(shape: PotentialShape) -> tuple[float, float]:
 
 
 class Cloud(NamedTuple):
-    """Particles in K blocks: place, velocity, force (K, D, B) float64; frozen (K, B) uint8 or None."""
+    """Particles in K blocks: place, velocity, force (K, D, B); frozen and fates as in their state."""
 
     place: Floats
     velocity: Floats
     force: Floats
     frozen: Flags | None = None
+    fates: Fates | None = None
 
 
 class _Moves(NamedTuple):
@@ -154,7 +157,7 @@ def _fitted_axes(periods: Floats | None) -> tuple[float, float]:
 @kernel
 def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
-    place, velocity, force, frozen = cloud
+    place, velocity, force, frozen, _ = cloud
     blocks, _, size = place.shape
     # Evenly over all blocks, and always the same ones: no result may depend on chance or on threads.
     stride = max(1, blocks * size // _FITTED)
@@ -237,7 +240,7 @@ def _residuals(
     cloud: Cloud, moves: _Moves, motion: tuple[float, ...], crowd: bool
 ) -> tuple[float, float]:
     """The largest |e_i| and |dtheta_i - W|, or in a `crowd` their root mean squares."""
-    place, velocity, force, frozen = cloud
+    place, velocity, force, frozen, _ = cloud
     blocks, _, size = place.shape
     residuals = np.zeros((2, size))
     found = np.zeros(2)
@@ -248,7 +251,7 @@ def _residuals(
             total, largest = sum_and_largest(residuals[kind])
             found[kind] = found[kind] + total if crowd else max(found[kind], largest)
     if crowd:
-        found /= blocks * size
+        found /= blocks * size * part_inside(cloud.fates)
     return math.sqrt(found[0]), math.sqrt(found[1])
 
 
@@ -291,7 +294,7 @@ def _part_at_walls(
     """The part of a step in which no particle that bounces passes a neighbour or a wall's ghost."""
     if box is None:
         return np.inf
-    place, velocity, force, _ = cloud
+    place, velocity, force, _, _ = cloud
     most = 0.0
     v, f = moves.velocity[0], moves.force[0]
     for k in range(place.shape[0]):
@@ -302,6 +305,27 @@ def _part_at_walls(
                 move = v * speed[i] + f * push[i]
                 near = not low <= here[i] + move <= high
                 most = max(most, abs(move) if near else 0.0)
+    most += 2.0 * moves.noise
+    return allowed_width(contact, most / dt) / most if most > 0.0 else np.inf
+
+
+@kernel
+def _part_at_edges(
+    contact: Contact, edges: EdgeGrid | None, cloud: Cloud, moves: _Moves, dt: float
+) -> float:
+    """`_part_at_walls` where edges bound the fluid."""
+    if edges is None:
+        return np.inf
+    most, (v, f) = 0.0, (moves.velocity[0], moves.force[0])
+    for k in range(cloud.place.shape[0]):
+        place, velocity, force = cloud.place[k], cloud.velocity[k], cloud.force[k]
+        for i in range(place.shape[1]):
+            if not _meets(cloud.frozen, k, i):
+                continue
+            x, y = v * velocity[0, i] + f * force[0, i], v * velocity[1, i] + f * force[1, i]
+            clear = clearance_at(edges, place[0, i], place[1, i]) - contact.ghost_reach
+            if abs(x) + abs(y) > clear:
+                most = max(most, abs(x), abs(y))
     most += 2.0 * moves.noise
     return allowed_width(contact, most / dt) / most if most > 0.0 else np.inf
 
@@ -319,6 +343,7 @@ def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: floa
         part = _part_for_pairs(contact, cloud, moves, axes, not pair, dt)
     if pair or _matters(contact.pull[WALL], rates, limits.tolerance, dt):
         part = min(part, _part_at_walls(contact, limits.box, cloud, moves, dt))
+        part = min(part, _part_at_edges(contact, limits.edges, cloud, moves, dt))
     return part
 
 

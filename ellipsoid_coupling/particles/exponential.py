@@ -48,6 +48,7 @@ from ellipsoid_coupling.particles.clocks import (
     set_block,
 )
 from ellipsoid_coupling.particles.collisions import Cloud, collision_step
+from ellipsoid_coupling.particles.fates import part_inside
 from ellipsoid_coupling.particles.forces import BlockForces, set_block_forces
 from ellipsoid_coupling.particles.frozen import frozen_row
 from ellipsoid_coupling.particles.local_error import largest_error, squared_errors
@@ -124,7 +125,8 @@ def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
     if group.work.interacts:
         interact(group, t, group.work.trial.place, group.work.trial.force)
         over_blocks(group, measure_block, (dt,))
-    return largest_error(group.work.outcome.squares, group.work.limits.tolerance)
+    part = part_inside(group.work.state.fates)
+    return largest_error(group.work.outcome.squares, group.work.limits.tolerance, part)
 
 
 @kernel
@@ -217,7 +219,7 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
     """See `clocks.Stepper`; trials that are refused count as steps."""
     state, rates, limits = group.work.state, group.work.rates, group.work.limits
     clock, noise, outcome = state.clock[0], state.noise, group.work.outcome
-    cloud = Cloud(state.place, state.velocity, state.force, state.frozen)
+    cloud = Cloud(state.place, state.velocity, state.force, state.frozen, state.fates)
     # Later the force at the place is there from the step before, and after `restore` from the checkpoint.
     if clock[STEPS] == 0.0 and clock[TIME] < until:
         _start(group)

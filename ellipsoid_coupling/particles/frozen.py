@@ -3,7 +3,8 @@
 Beyond an outlet, or in a solid, the fluid is not known. After each step the straight way from the old
 place to the new one, before that is wrapped, is followed in steps of half a cell. At the first point
 outside the mesh the particle stays: its velocity, force and noise are set to 0, so that every scheme leaves
-it there, and forces leave it out. Scenes whose flow cannot be left compile none of this.
+it there, and forces leave it out. So it is where nothing is known of the flow's outline but its mesh; else
+particles end at patches (`fates`). Scenes whose flow cannot be left compile none of this.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.flow.field import FlowArrays, in_mesh
+from ellipsoid_coupling.geometry.edge_grid import EdgeGrid
 from ellipsoid_coupling.geometry.wrapping import wrap
 from ellipsoid_coupling.particles.state import Limits, ParticleState
 
@@ -35,9 +37,9 @@ def frozen_row(frozen: Flags | None, k: int) -> Flags | None:
 
 
 @kernel
-def places_before(mesh: FlowArrays | None, place: Floats) -> Floats | None:
-    """A copy of x and y (2, N) before a step, for `freeze`; None where the flow cannot be left."""
-    if mesh is None:
+def places_before(bounded: FlowArrays | EdgeGrid | None, place: Floats) -> Floats | None:
+    """A copy of x and y (2, N) before a step; None where nothing looks at the way from there."""
+    if bounded is None:
         return None
     return place[:2].copy()
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.jitable import jitable
+from ellipsoid_coupling.particles.at_edges import feed, straight_at_edges
 from ellipsoid_coupling.particles.clocks import (
     Group,
     Stepper,
@@ -80,10 +81,13 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     state, rates, limits = work.state, work.rates, work.limits
     place, velocity = state.place[k], state.velocity[k]
     before = places_before(limits.mesh, place)
+    start = places_before(limits.edges, place)
     _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
     _move(place, velocity, dt)
     bounce(limits.box, place, velocity)
+    straight_at_edges(limits.edges, state, k, start, (t, dt))
+    feed(state, k, limits, t + dt)
     freeze(state, k, limits, before)
     wrap_places(limits.periods, place)
     # Of the place: it is not finite as soon as the velocity is not.

@@ -11,7 +11,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.particles.state import Rates
+
+Floats = NDArray[np.float64]
 
 # Below this z the closed forms lose digits to cancellation; the series does not. From 0.5 on they keep
 # 14 digits, and 14 terms of the series reach rounding.
@@ -94,3 +100,16 @@ def linear_step(damping: float, noise: float, dt: float) -> LinearStep:
         shared,
         own,
     )
+
+
+@kernel
+def noise_of(
+    noise: Floats | None, d: int, rates: Rates, linear: LinearStep, i: int
+) -> tuple[float, float]:
+    """R_n and W_n of one degree of freedom; without noise no memory is touched."""
+    if noise is None or not rates.first_noisy <= d < rates.last_noisy:
+        return 0.0, 0.0
+    component = d - rates.first_noisy
+    first = noise[2 * component, i]
+    second = noise[2 * component + 1, i]
+    return linear.place_noise * first, linear.shared_noise * first + linear.own_noise * second

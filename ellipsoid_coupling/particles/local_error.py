@@ -66,10 +66,11 @@ def squared_errors(
 
 
 @kernel
-def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
+def largest_error(squares: Floats, tolerance: float, part: float) -> tuple[float, int]:
     """The error of all blocks over the tolerance, of the worst degree of freedom, and which kind it is.
 
     squares : (K, 2, D), as of `squared_errors` for each block.
+    part : of the particles that take part; the zeros of the others must not make the mean smaller.
     """
     blocks, _, degrees = squares.shape
     worst, kind = 0.0, POSITION_ERROR
@@ -81,8 +82,8 @@ def largest_error(squares: Floats, tolerance: float) -> tuple[float, int]:
             largest = max(largest, squares[k, LARGEST, d])
         # Not by `max` or `>`: a mean that is not a number must win.
         square = largest / (WORST * WORST)
-        if not mean / blocks <= square:
-            square = mean / blocks
+        if not mean / (blocks * part) <= square:
+            square = mean / (blocks * part)
         if not square <= worst:
             worst, kind = square, ANGLE_ERROR if d == ANGLE else POSITION_ERROR
     return math.sqrt(worst) / tolerance, kind

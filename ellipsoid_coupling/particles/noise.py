@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 # Steps of noise in a block. Results depend on it: block b + 1 does not continue the numbers of block b.
 STEPS_PER_BLOCK = 16
 
-_START, _STEPS = range(2)
+_START, _STEPS, _BIRTHS = range(3)
 
 
 def _generator(seed: int, realisation: int, purpose: int, block: int) -> np.random.Generator:
@@ -33,3 +33,8 @@ def gaussian_block(
     """Standard normal numbers (STEPS_PER_BLOCK, components, number) of one block of steps."""
     generator = _generator(seed, realisation, _STEPS, block)
     return generator.standard_normal((STEPS_PER_BLOCK, components, number))
+
+
+def birth_stream(seed: int, realisation: int) -> np.random.Generator:
+    """The numbers by which inlets feed particles into one realisation."""
+    return _generator(seed, realisation, _BIRTHS, 0)

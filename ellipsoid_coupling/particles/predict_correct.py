@@ -2,8 +2,8 @@
 
 The formulas are those of `exponential`; between the two a caller evaluates the drift. All particles take
 the plain formula in a loop that vectorises. Those that may come to a wall within the step, few as a rule,
-are then done again with their bounces. Both ends are wrapped where sides are periodic: the drift is known
-in the domain only.
+are then done again with their bounces, off a box or off edges of any shape (`at_edges`). Both ends are
+wrapped where sides are periodic: the drift is known in the domain only.
 """
 
 from __future__ import annotations
@@ -15,25 +15,19 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.particles.at_edges import (
+    ends_at_edges,
+    feed,
+    predict_at_edges,
+    settle,
+)
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.frozen import freeze, places_before
-from ellipsoid_coupling.particles.linear import LinearStep, linear_step
+from ellipsoid_coupling.particles.linear import LinearStep, linear_step, noise_of
 from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial, wrap_places
+from ellipsoid_coupling.stepping.step_control import TIME
 
 Floats = NDArray[np.float64]
-
-
-@kernel
-def _noise_of(
-    noise: Floats | None, d: int, rates: Rates, linear: LinearStep, i: int
-) -> tuple[float, float]:
-    """R_n and W_n of one degree of freedom; without noise no memory is touched."""
-    if noise is None or not rates.first_noisy <= d < rates.last_noisy:
-        return 0.0, 0.0
-    component = d - rates.first_noisy
-    first = noise[2 * component, i]
-    second = noise[2 * component + 1, i]
-    return linear.place_noise * first, linear.shared_noise * first + linear.own_noise * second
 
 
 @kernel
@@ -52,7 +46,7 @@ def _add_place_noise(
 ) -> None:
     if noise is not None and rates.first_noisy <= d < rates.last_noisy:
         for i in range(place.size):
-            place[i] += _noise_of(noise, d, rates, linear, i)[0]
+            place[i] += noise_of(noise, d, rates, linear, i)[0]
 
 
 @kernel
@@ -61,7 +55,7 @@ def _add_velocity_noise(
 ) -> None:
     if noise is not None and rates.first_noisy <= d < rates.last_noisy:
         for i in range(velocity.size):
-            velocity[i] += _noise_of(noise, d, rates, linear, i)[1]
+            velocity[i] += noise_of(noise, d, rates, linear, i)[1]
 
 
 @kernel
@@ -89,7 +83,7 @@ def _predict_at_walls(
     linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
     place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
     for i in range(place.size):
-        moved = _noise_of(noise, d, rates, linear, i)[0]
+        moved = noise_of(noise, d, rates, linear, i)[0]
         # The noise of the whole step is spread evenly over it: how it came about is not known.
         flight = Flight(place[i], velocity[i], force[i], 0.0, moved / dt, rates.damping[d])
         if _may_bounce(flight, linear, dt, low, high):
@@ -129,7 +123,7 @@ def _correct_at_walls(
     place, velocity, force = state.place[k, d], state.velocity[k, d], state.force[k, d]
     for i in range(place.size):
         change = trial.force[d, i] - force[i]
-        moved, kicked = _noise_of(noise, d, rates, linear, i)
+        moved, kicked = noise_of(noise, d, rates, linear, i)
         flight = Flight(place[i], velocity[i], force[i], change / dt, moved / dt, rates.damping[d])
         end, speed = trial.place[d, i] + linear.place_change * change, linear.decay * velocity[i]
         speed += linear.velocity_force * force[i] + linear.velocity_change * change
@@ -160,6 +154,7 @@ def predict_step(
         _predict(state, k, d, linear, trial)
         _add_place_noise(noise, d, rates, linear, trial.place[d])
     _predict_in_box(limits.box, state, k, noise, rates, trial, dt)
+    predict_at_edges(limits.edges, state, k, noise, rates, trial, dt)
     wrap_places(limits.periods, trial.place)
 
 
@@ -189,14 +184,18 @@ def accept_step(
     trial: Trial,
     dt: float,
 ) -> None:
-    """Finish the step of realisation k that `trial` predicts, in place."""
+    """Finish the step of realisation k that `trial` predicts, in place; its clock is at the step's end."""
     before = places_before(limits.mesh, state.place[k])
     _unwrap(limits.periods, before, state, k, noise, rates, trial, dt)
+    ends = ends_at_edges(limits.edges, state, k, noise, rates, trial, dt)
     done = _correct_in_box(limits.box, state, k, noise, rates, trial, dt)
     for d in range(done, len(trial.place)):
         linear = linear_step(rates.damping[d], rates.amplitude[d], dt)
         _correct(state, k, d, linear, trial)
         _add_velocity_noise(noise, d, rates, linear, state.velocity[k, d])
+    t = state.clock[0, TIME]
+    settle(limits.edges, ends, state, k, t - dt)
+    feed(state, k, limits, t)
     freeze(state, k, limits, before)
     wrap_places(limits.periods, state.place[k])
 
@@ -221,7 +220,7 @@ def _unwrap(
             velocity, force = state.velocity[k, d], state.force[k, d]
             for i in range(before.shape[1]):
                 moved = linear.place_velocity * velocity[i] + linear.place_force * force[i]
-                moved += _noise_of(noise, d, rates, linear, i)[0]
+                moved += noise_of(noise, d, rates, linear, i)[0]
                 before[d, i] = trial.place[d, i] - moved
 
 

@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.flow.field import FlowArrays
+from ellipsoid_coupling.geometry.edge_grid import EdgeGrid
 from ellipsoid_coupling.geometry.reflection import reflect
 from ellipsoid_coupling.geometry.wrapping import wrap
+from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.extremes import largest_size
+from ellipsoid_coupling.particles.fates import Fates
 from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE
 
 Floats = NDArray[np.float64]
@@ -35,7 +38,12 @@ class ParticleState(NamedTuple):
     noise : (R, steps, components, N) or None
         Standard normal numbers; None without noise.
     frozen : (R, N) uint8 or None
-        1 for particles that have left the flow's mesh; None where none can.
+        1 for particles that take no part: they have left the flow's mesh, have ended at a patch, or are not
+        fed in yet; None where there are none of these.
+    fates : Fates or None
+        None where none can end at a patch.
+    births : Births or None
+        None where nothing is fed in.
     """
 
     place: Floats
@@ -44,6 +52,8 @@ class ParticleState(NamedTuple):
     clock: Floats
     noise: Floats | None
     frozen: Flags | None = None
+    fates: Fates | None = None
+    births: Births | None = None
 
 
 class Rates(NamedTuple):
@@ -125,6 +135,8 @@ class Limits(NamedTuple):
         None without interaction.
     periods : (2, 2) float64 or None
         The sides that are periodic, as those of `box`; None without any.
+    edges : EdgeGrid or None
+        The edges of the fluid; None where the box bounds it, and nothing else.
     """
 
     step: float
@@ -134,6 +146,7 @@ class Limits(NamedTuple):
     mesh: FlowArrays | None = None
     contact: Contact | None = None
     periods: Floats | None = None
+    edges: EdgeGrid | None = None
 
 
 @kernel
@@ -148,6 +161,8 @@ def realisation(state: ParticleState, k: int) -> ParticleState:
         clock[one],
         _noise_of_one(state.noise, k),
         _frozen_of_one(state.frozen, k),
+        _fates_of_one(state.fates, k),
+        _births_of_one(state.births, k),
     )
 
 
@@ -165,6 +180,28 @@ def _frozen_of_one(frozen: Flags | None, k: int) -> Flags | None:
         return frozen
     one: Flags = frozen[k : k + 1]
     return one
+
+
+@kernel
+def _fates_of_one(fates: Fates | None, k: int) -> Fates | None:
+    if fates is None:
+        return fates
+    return Fates(fates.code[k : k + 1], fates.time[k : k + 1])
+
+
+@kernel
+def _births_of_one(births: Births | None, k: int) -> Births | None:
+    if births is None:
+        return births
+    one = slice(k, k + 1)
+    return Births(
+        births.first,
+        births.born[one],
+        births.time[one],
+        births.place[one],
+        births.velocity[one],
+        births.force[one],
+    )
 
 
 @kernel

@@ -36,13 +36,13 @@ from ellipsoid_coupling.scenes.values import (
     Count,
     Interval,
     Line,
+    Names,
     NotNegative,
     Number,
     Part,
     PathText,
     Points,
     Positive,
-    Sides,
     Times,
     file_name,
     require_interval,
@@ -231,16 +231,21 @@ class InteractionPart(Part):
 
 
 class WallsPart(Part):
-    """Ghost particles and ghost cells at the walls: which sides, how much stronger, how dense."""
+    """Ghost particles and ghost cells at the walls: which ones, how much stronger, how dense.
 
-    sides: Sides = ("left", "right", "bottom", "top")
+    `sides` names sides of the domain, or patches that [boundaries] names; without it, these are all sides
+    and patches that reflect.
+    """
+
+    sides: Names | None = None
     strength_factor: Positive = 10.0
     ghost_density: Literal["matched", "paper"] = "matched"
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if len(set(self.sides)) < len(self.sides):
-            raise ValueError(f"each of sides once, not {', '.join(self.sides)}")
+        named = self.sides or ()
+        if len(set(named)) < len(named):
+            raise ValueError(f"each of sides once, not {', '.join(named)}")
         return self
 
 
@@ -320,12 +325,35 @@ class Scene(Part):
                     f"{side.kind} sides opposite one another, not on the {name} alone "
                     f"({OPPOSITE[name]}: {other.kind})"
                 )
-        for name in self.walls.sides if self.walls else ():
-            if sides[name].particles != "reflect":
+        if self.walls is not None:
+            self._check_walls(self.walls)
+
+    def _check_walls(self, walls: WallsPart) -> None:
+        known = self.named_patches | {str(name): side for name, side in self.sides.items()}
+        for name in walls.sides or ():
+            if name not in known:
+                raise ValueError(
+                    f"walls.sides of {', '.join(SIDES)} or patches that [boundaries] names, not {name}"
+                )
+        reflecting = [name for name, part in known.items() if part.particles == "reflect"]
+        for name in walls.sides or (reflecting or SIDES)[:1]:
+            if name not in reflecting:
                 raise ValueError(
                     'domain.boundary = "reflecting" for [walls], or a kind that reflects on their '
-                    f"sides, not {sides[name].kind} on the {name}"
+                    f"sides, not {known[name].kind} on the {name}"
                 )
+
+    @property
+    def wall_sides(self) -> tuple[SideName, ...]:
+        """The sides of the domain that have ghosts."""
+        if self.walls is None:
+            return ()
+        named = self.walls.sides
+        return tuple(
+            name
+            for name, side in self.sides.items()
+            if (side.particles == "reflect" if named is None else name in named)
+        )
 
     @property
     def sides(self) -> dict[SideName, BoundaryPart]:
@@ -341,8 +369,9 @@ class Scene(Part):
 
     @property
     def has_inflow(self) -> bool:
-        """Whether mass may come in at some side."""
-        return any(keys_of(side.kind).inflow for side in self.sides.values())
+        """Whether mass may come in at some side or patch."""
+        parts = [*self.sides.values(), *self.named_patches.values()]
+        return any(keys_of(part.kind).inflow for part in parts)
 
     def has_sides(self, particles: AtSide) -> bool:
         """Whether particles do this at some side: "reflect", "leave" or "wrap"."""

@@ -86,7 +86,8 @@ def _surroundings(scene: Scene) -> list[Term]:
         Term(
             "walls",
             walls is not None,
-            f"ghosts on {', '.join(walls.sides)}, {walls.strength_factor:g} times stronger, "
+            f"ghosts on {', '.join(walls.sides or ('all that reflects',))}, "
+            f"{walls.strength_factor:g} times stronger, "
             f"ghost cells {walls.ghost_density}"
             if walls
             else "no [walls]: no ghosts",

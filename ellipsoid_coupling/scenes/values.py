@@ -22,7 +22,6 @@ from ellipsoid_coupling.files.limits import (
     MOST_PATH,
     SMALLEST_NUMBER,
 )
-from ellipsoid_coupling.scenes.sides import SideName
 
 _JOINERS = dict.fromkeys(map(ord, "\u200c\u200d"))
 
@@ -75,7 +74,7 @@ Points = Annotated[tuple[Point, ...], Strict(False), Field(min_length=1)]
 Times = Annotated[
     tuple[Positive, ...], Strict(False), Field(min_length=1), BeforeValidator(_listed)
 ]
-Sides = Annotated[tuple[SideName, ...], Strict(False), Field(min_length=1)]
+Names = Annotated[tuple[Line, ...], Strict(False), Field(min_length=1)]
 
 
 def require_interval(name: str, interval: Interval) -> None:

@@ -73,7 +73,7 @@ def _draw_scene(group: Group, folder: Path) -> list[Path]:
     results, scene = group.results, group.results[0].scene
     title = scene.title or scene.name
     paths = _draw_flows(group, folder, title)
-    rows = density_rows(results)
+    rows = _with_outlines(group, density_rows(results))
     paths.append(draw_density(rows, folder / f"density_{group.name}.png", title=title))
     paths.append(draw_angles(results, folder / f"angles_{group.name}.png", title=title))
     for label, result, flow in zip(result_labels(results), results, group.flows, strict=True):
@@ -81,6 +81,15 @@ def _draw_scene(group: Group, folder: Path) -> list[Path]:
             path = folder / f"ellipses_{group.name}_{_file_name(label)}.png"
             paths.append(draw_ellipses(result, path, flow=flow, title=title))
     return paths
+
+
+def _with_outlines(group: Group, rows: list[DensityRow]) -> list[DensityRow]:
+    """Rows with the outline of the fluid, if it is that of all results of the group."""
+    flows = {flow.digest: flow for flow in group.flows if flow is not None}
+    if len(flows) != 1 or None in group.flows:
+        return rows
+    (flow,) = flows.values()
+    return [row._replace(outline=flow.outline) for row in rows]
 
 
 def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:

@@ -14,6 +14,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     add_title,
@@ -26,6 +27,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     time_title,
 )
 from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, PANEL
+from ellipsoid_coupling.output.figures.walls import add_walls
 from ellipsoid_coupling.output.labels import result_labels
 from ellipsoid_coupling.result import Result
 
@@ -51,6 +53,7 @@ class DensityRow(NamedTuple):
     extent : (x_low, x_high, y_low, y_high)
     noisy : its peaks are chance and must not set the colours, if there are other rows
     asked : the times that the run was to save
+    outline : where the fluid ends, drawn over the panels
     """
 
     label: str
@@ -59,6 +62,7 @@ class DensityRow(NamedTuple):
     extent: Extent
     noisy: bool = False
     asked: tuple[float, ...] = ()
+    outline: Outline | None = None
 
 
 def density_rows(
@@ -149,6 +153,7 @@ def _draw_panels(
     drawn = []
     for row, time, axes in shown:
         show_domain(axes, row.extent)
+        add_walls(axes, row.outline, row.extent)
         index = np.flatnonzero(np.isclose(row.times, time))
         if index.size:
             drawn.append((row, row.density[index[0]], axes))

@@ -23,6 +23,7 @@ from ellipsoid_coupling.output.figures.canvas import (
 )
 from ellipsoid_coupling.output.figures.flow import add_arrows
 from ellipsoid_coupling.output.figures.style import line_style
+from ellipsoid_coupling.output.figures.walls import add_walls
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.result import Result
 
@@ -58,12 +59,16 @@ def ellipse_figure(
     chosen = thinned(number, most)
     for i, (time, panel) in enumerate(zip(result.times, axes, strict=True)):
         show_domain(panel, extent)
-        gone = result.frozen
-        left = np.zeros(number, np.bool_) if gone is None else gone[i, realisation]
-        _add_ellipses(panel, result, (i, realisation), chosen[~left[chosen]])
+        left, unborn = (
+            np.zeros(number, np.bool_) if flags is None else flags[i, realisation]
+            for flags in (result.frozen, result.unborn)
+        )
+        left = left & ~unborn
+        _add_ellipses(panel, result, (i, realisation), chosen[~(left | unborn)[chosen]])
         _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
         if flow is not None:
             add_arrows(panel, flow, extent, colour="0.8", count=16)
+            add_walls(panel, flow.outline, extent)
         note = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
         panel.set(xlabel="x", title=f"{time_title(time)}{note}")
     axes[0].set_ylabel("y")
@@ -120,8 +125,8 @@ def draw_ellipses(
 ) -> Path:
     """Ellipses of full length L and full width D, one panel a saved time.
 
-    Of particles that have left the flow's mesh, beyond an outlet or into a solid, the outline stands
-    where they did; the panel says how many.
+    Of particles that have left the flow, through an outlet or at a wall that holds them, the outline stands
+    where they did; the panel says how many. With a flow, walls and solids are drawn.
 
     Parameters
     ----------

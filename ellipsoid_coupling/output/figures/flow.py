@@ -14,6 +14,7 @@ from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.inside import in_fluid
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,
@@ -23,6 +24,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     wrapped,
 )
 from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE
+from ellipsoid_coupling.output.figures.walls import add_walls
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +56,8 @@ def add_arrows(
     x, y, spacing = arrow_centres(extent, count)
     sample = flow.evaluate(x, y)
     inside = sample.inside
+    if flow.outline is not None:
+        inside &= in_fluid(flow.outline.ends, x.ravel(), y.ravel()).reshape(x.shape)
     velocity_x, velocity_y = sample.velocity_x[inside], sample.velocity_y[inside]
     speed = np.hypot(velocity_x, velocity_y)
     largest = float(speed.max(initial=0.0)) or 1.0
@@ -90,6 +94,7 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     axes = figure.add_subplot()
     show_domain(axes, extent)
     arrows = add_arrows(axes, flow, extent)
+    add_walls(axes, flow.outline, extent)
     figure.colorbar(arrows, ax=axes, label="speed")
     axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure

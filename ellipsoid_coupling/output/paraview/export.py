@@ -32,8 +32,8 @@ def export(
     and a particle result
 
         particles.pvd   one .vtp of points a time: length, width, angle, orientation (unit vector),
-                        scale, velocity, angular_velocity, realisation (and frozen, 1 for those that
-                        have left the flow's mesh, which are in no other file)
+                        scale, velocity, angular_velocity, realisation (and frozen or fate, not 0 for
+                        those that have left the flow, which are in no other file)
         ellipses.pvd    one .vtp of polygons a time, one realisation: looks right as it is
         histogram.pvd   one .vti a time: density of all realisations on 60 x 60 bins
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
+from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
@@ -41,9 +42,11 @@ def export_flow(
         flow_cells.vti           velocity at the finite-volume cells
         flow_ghost_particles.vtp velocity of the wall at the ghost particles on it, the lid's too
         flow_ghost_cells.vtp     the wall's velocity continued to the ghost cells beyond, as squares
+        walls.vtp                where the fluid ends: lines, with the number of their patch
 
-    The last two only for scenes with walls. `inside` is 1 where a point lies in the flow; ghosts
-    take the velocity of the nearest point of the flow's rectangle.
+    Ghosts only for scenes with walls on the sides of the domain, and walls.vtp for flows of a case.
+    `inside` is 1 where a point lies in the flow; ghosts take the velocity of the nearest point of the
+    flow's rectangle.
 
     Parameters
     ----------
@@ -66,7 +69,8 @@ def export_flow(
         "flow_particles.vtp": flow_at_particles(flow, scene, result),
         "flow_cells.vti": flow_at_cells(flow, scene),
     }
-    walls = scene_walls(scene, potential_shape(scene.particles.length, scene.particles.width))
+    shape = potential_shape(scene.particles.length, scene.particles.width)
+    walls = scene_walls(scene, shape) if scene.wall_sides else None
     if walls is not None:
         size = (scene.particles.length, scene.particles.width)
         ghosts = walls.ghost_particles()
@@ -78,7 +82,22 @@ def export_flow(
         arrays |= _flow_arrays(flow.continued(cells.x, cells.y))
         squares = square_outlines(cells.x, cells.y, scene.numerics.cell)
         meshes["flow_ghost_cells.vtp"] = polygons(squares, arrays)
+    if flow.outline is not None:
+        meshes["walls.vtp"] = outline_lines(flow.outline)
     return [save_mesh(mesh, folder / name) for name, mesh in meshes.items()]
+
+
+def outline_lines(outline: Outline) -> pyvista.PolyData:
+    """The edges of an outline as lines, with the patch of each, its flux, and the patches' names."""
+    import pyvista
+
+    count = len(outline.ends)
+    ends = outline.ends.reshape(-1, 2)
+    lines = np.column_stack((np.full(count, 2), np.arange(2 * count).reshape(-1, 2)))
+    mesh = pyvista.PolyData(vectors(ends[:, 0], ends[:, 1]), lines=lines.ravel())
+    mesh.cell_data["patch"], mesh.cell_data["outflow"] = outline.patch, outline.outflow
+    mesh.field_data["patch_names"] = np.array(outline.names, dtype=np.str_)
+    return mesh
 
 
 def _flow_arrays(sample: FlowSample) -> dict[str, Floats]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.geometry.fate_codes import INSIDE
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.output.paraview.series import vectors
-from ellipsoid_coupling.result import FROZEN, MARKS, Result
+from ellipsoid_coupling.result import MARKS, Result
 
 if TYPE_CHECKING:
     import pyvista
@@ -63,13 +64,15 @@ def glyph_arrays(angle: Floats, size: Size) -> dict[str, Floats]:
 def particle_arrays(result: Result, index: int, realisation: int | None) -> dict[str, Floats]:
     """x, y and the data of the particles at one saved time, (n,) or (n, 3).
 
+    Without those that an inlet has not fed in yet.
+
     realisation : None for all of them, one after the other
     """
     count, number = result.variables["x"].shape[1:]
     chosen = slice(None) if realisation is None else slice(realisation, realisation + 1)
     flat = {name: array[index, chosen].ravel() for name, array in result.variables.items()}
     particles = result.scene.particles
-    return {
+    arrays: dict[str, Any] = {
         "x": flat["x"],
         "y": flat["y"],
         **glyph_arrays(flat["angle"], (particles.length, particles.width)),
@@ -78,6 +81,10 @@ def particle_arrays(result: Result, index: int, realisation: int | None) -> dict
         "realisation": np.repeat(np.arange(count)[chosen], number),
         **{name: flat[name] for name in MARKS["particles"] if name in flat},
     }
+    if result.unborn is None:
+        return arrays
+    there = ~result.unborn[index, chosen].ravel()
+    return {name: values[there] for name, values in arrays.items()}
 
 
 def particle_points(
@@ -92,14 +99,15 @@ def particle_points(
 def particle_ellipses(result: Result, realisation: int) -> Iterator[tuple[float, pyvista.PolyData]]:
     """(time, polygons) of one realisation: 32 corners on each particle's ellipse.
 
-    Without those that have left the flow's mesh.
+    Without those that have left the flow.
     """
     size = (result.scene.particles.length, result.scene.particles.width)
     for index, time in enumerate(result.times):
         arrays = particle_arrays(result, index, realisation)
-        if FROZEN in arrays:
-            kept = arrays.pop(FROZEN) == 0.0
-            arrays = {name: values[kept] for name, values in arrays.items()}
+        for mark in MARKS["particles"]:
+            if mark in arrays:
+                kept = arrays.pop(mark) == INSIDE
+                arrays = {name: values[kept] for name, values in arrays.items()}
         outlines = ellipse_outlines(arrays.pop("x"), arrays.pop("y"), arrays["angle"], size)
         del arrays["scale"]
         yield float(time), polygons(outlines, arrays)

@@ -1,0 +1,355 @@
+"""A particle's way in the plane within a step, off curved walls: from edge to edge of an `EdgeGrid`.
+
+Between edges the force is linear in time, v' = f + s t - Gamma v, and the path has a closed form
+(`linear`). Its distance to the line of an edge is a coordinate of its own (`bounces.Flight`), so the time
+at which it meets an edge is found as at a straight wall. There all that has a direction is mirrored,
+
+    v -> v - 2 (v . n) n,
+
+the velocity, what noise adds to it and to the place. The force keeps its direction and goes on in time.
+
+A path is followed in parts that few cells hold and that are nearly straight. Where no part of it meets an
+edge by its closed form, the straight way to the part's end may not cross one either: so whatever the step,
+nothing gets through a wall, a thin plate or a corner.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.geometry.edge_grid import (
+    ALONG_X,
+    ALONG_Y,
+    ENDS,
+    GAP,
+    LENGTH,
+    SHIFTS,
+    EdgeGrid,
+    X,
+    Y,
+    column_of,
+    row_of,
+)
+from ellipsoid_coupling.particles.bounces import Flight, first_exit, time_of
+from ellipsoid_coupling.particles.linear import phi_functions
+
+Vector = tuple[float, float]
+
+# Parts of a path and edges met on it that are followed in a step.
+_MOST_PARTS = 4096
+# The cells that a part of a path may touch, and how far it may bend, in cells.
+_MOST_CELLS, _BEND = 16, 0.25
+# Halvings of a part, which end there for whatever numbers.
+_MOST_HALVINGS = 60
+# A path that comes back to the edge that it left within this part of the step slides along it.
+_HOP = 1e-6
+# The sine of the angle between edges of one direction.
+_PARALLEL = 1e-9
+# A place this near to an edge, in gaps, is where ways end; from there an edge is met below the other one,
+# so that rounding meets none.
+_AT_THE_GAP, _BELOW_THE_GAP = 1.5, 0.5
+
+
+class Path(NamedTuple):
+    """A particle on its way.
+
+    Attributes
+    ----------
+    place, velocity : (x, y)
+        At the start of what is left of the step.
+    force, slope : (x, y)
+        The force then, and how it changes in a unit of time.
+    noise : (x, y)
+        What noise adds to the velocity at which the place moves.
+    kick : (x, y)
+        What is added to the velocity at the end of the step.
+    damping : float
+    """
+
+    place: Vector
+    velocity: Vector
+    force: Vector
+    slope: Vector
+    noise: Vector
+    kick: Vector
+    damping: float
+
+
+class End(NamedTuple):
+    """Where a path led.
+
+    Attributes
+    ----------
+    place, velocity : (x, y)
+        The velocity with the kick.
+    time : float
+        That it took, less than the step's where it ended.
+    edge : int
+        The edge that ended it; -1 for none.
+    first : int
+        The first edge that it met, apart from those that just shift it; -1 for none.
+    corner : bool
+        Whether it met edges of other directions as well.
+    """
+
+    place: Vector
+    velocity: Vector
+    time: float
+    edge: int
+    first: int
+    corner: bool
+
+
+class _Part(NamedTuple):
+    """The next part of a path: how long it takes, place and velocity at its end, and the cells about it."""
+
+    time: float
+    place: Vector
+    velocity: Vector
+    columns: tuple[int, int]
+    rows: tuple[int, int]
+
+
+@kernel
+def _later(path: Path, t: float) -> tuple[Vector, Vector]:
+    """Place and velocity at t, the latter without noise."""
+    z = path.damping * t
+    phi1, phi2, phi3 = phi_functions(z)
+    decay, push, change = math.exp(-z), t * phi2, t * t * phi3
+    (x, y), (vx, vy), (fx, fy), (sx, sy) = path.place, path.velocity, path.force, path.slope
+    place = (
+        x + t * (phi1 * vx + push * fx + change * sx + path.noise[0]),
+        y + t * (phi1 * vy + push * fy + change * sy + path.noise[1]),
+    )
+    velocity = (
+        decay * vx + t * phi1 * fx + t * t * phi2 * sx,
+        decay * vy + t * phi1 * fy + t * t * phi2 * sy,
+    )
+    return place, velocity
+
+
+@kernel
+def _moved(path: Path, t: float, place: Vector, velocity: Vector) -> Path:
+    """What is left of a path that is at this place, with this velocity, at t."""
+    force = path.force[0] + t * path.slope[0], path.force[1] + t * path.slope[1]
+    return Path(place, velocity, force, path.slope, path.noise, path.kick, path.damping)
+
+
+@kernel
+def _bend(path: Path, t: float) -> float:
+    """A bound of how far the path is from the straight way to its place at t."""
+    gamma = path.damping
+    fastest = 0.125 * t * t
+    if gamma * gamma * fastest > 1.0:
+        fastest = 1.0 / (gamma * gamma)
+    lasting = t if gamma * t < 1.0 else 1.0 / gamma
+    (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    push = abs(fx - gamma * vx) + abs(fy - gamma * vy)
+    return fastest * push + 0.125 * t * t * lasting * (abs(sx) + abs(sy))
+
+
+@kernel
+def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
+    """The longest half, quarter, ... of what is left that few cells hold and that is nearly straight."""
+    t, size = left, 1.0 / edges.per_length
+    place, velocity, columns, rows = path.place, path.velocity, (0, -1), (0, -1)
+    for _ in range(_MOST_HALVINGS):
+        place, velocity = _later(path, t)
+        if not abs(place[0]) + abs(place[1]) < np.inf:
+            break
+        bend = _bend(path, t)
+        rim = bend + 4.0 * edges.margin
+        low, high = min(path.place[0], place[0]) - rim, max(path.place[0], place[0]) + rim
+        columns = column_of(edges, low), column_of(edges, high)
+        low, high = min(path.place[1], place[1]) - rim, max(path.place[1], place[1]) + rim
+        rows = row_of(edges, low), row_of(edges, high)
+        cells = (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1)
+        if cells <= _MOST_CELLS and bend <= _BEND * size:
+            break
+        t *= 0.5
+    return _Part(t, place, velocity, columns, rows)
+
+
+@kernel
+def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> float:
+    """When the path comes to edge e, of whose line it is `gap` away; infinite if it does not."""
+    line = edges.lines[e]
+    nx, ny = -line[ALONG_Y], line[ALONG_X]
+    (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    above = gap - line[GAP]
+    flight = Flight(
+        0.0 if gap < _AT_THE_GAP * line[GAP] else above,
+        nx * vx + ny * vy,
+        nx * fx + ny * fy,
+        nx * sx + ny * sy,
+        nx * path.noise[0] + ny * path.noise[1],
+        path.damping,
+    )
+    _, beyond = first_exit(flight, part.time, 0.0, np.inf)
+    if beyond == 0.0:
+        return np.inf
+    at_once = flight.place == 0.0 and flight.velocity + flight.noise <= 0.0
+    t = 0.0 if at_once else time_of(flight, 0.0, False, beyond)
+    x, y = _later(path, t)[0]
+    along = line[ALONG_X] * (x - line[X]) + line[ALONG_Y] * (y - line[Y])
+    within = -edges.margin <= along <= line[LENGTH] + edges.margin
+    return t if within else np.inf
+
+
+@kernel
+def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> float:
+    """When the straight way to the part's end comes to edge e, `gaps` away first and last, or infinite."""
+    line = edges.lines[e]
+    before, after = gaps
+    if not after < before:
+        return np.inf
+    (x, y), (end_x, end_y) = path.place, part.place
+    dx, dy = end_x - x, end_y - y
+    ax, ay = line[X] - x, line[Y] - y
+    bx, by = ax + line[LENGTH] * line[ALONG_X], ay + line[LENGTH] * line[ALONG_Y]
+    wide = edges.margin * (abs(dx) + abs(dy))
+    if dx * ay - dy * ax > wide or dx * by - dy * bx < -wide:
+        return np.inf
+    return float(part.time * max(0.0, (before - line[GAP]) / (before - after)))
+
+
+@kernel
+def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
+    """When a part of a path comes to edge e from its own side; infinite if it does not."""
+    line = edges.lines[e]
+    nx, ny = -line[ALONG_Y], line[ALONG_X]
+    before = nx * (path.place[0] - line[X]) + ny * (path.place[1] - line[Y])
+    if before < 0.0:
+        return np.inf
+    after = nx * (part.place[0] - line[X]) + ny * (part.place[1] - line[Y])
+    (ux, uy), (vx, vy), (wx, wy) = path.noise, path.velocity, part.velocity
+    nearest = line[GAP] * (_BELOW_THE_GAP if before < _AT_THE_GAP * line[GAP] else 1.0)
+    # Between two places before an edge only a path that turns round may have met it.
+    turns = nx * (vx + ux) + ny * (vy + uy) < 0.0 < nx * (wx + ux) + ny * (wy + uy)
+    if after >= nearest and not turns:
+        return np.inf
+    t = _meets(edges, e, path, part, before)
+    if t < np.inf or after >= nearest:
+        return t
+    return _crosses(edges, e, path, part, (before, after))
+
+
+@kernel
+def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
+    """The edge that a part of a path comes to first, and when; -1 for none."""
+    found, first = -1, np.inf
+    for row in range(part.rows[0], part.rows[1] + 1):
+        for column in range(part.columns[0], part.columns[1] + 1):
+            cell = row * edges.columns + column
+            for member in range(edges.first[cell], edges.first[cell + 1]):
+                e = edges.members[member]
+                t = _edge_time(edges, e, path, part)
+                if t < first:
+                    found, first = e, t
+    return found, first
+
+
+@kernel
+def edge_normal(edges: EdgeGrid, edge: int) -> Vector:
+    """Of length 1, into the fluid."""
+    return -edges.lines[edge, ALONG_Y], edges.lines[edge, ALONG_X]
+
+
+@kernel
+def _parallel(edges: EdgeGrid, one: int, other: int) -> bool:
+    a, b = edges.lines[one], edges.lines[other]
+    return bool(abs(a[ALONG_X] * b[ALONG_Y] - a[ALONG_Y] * b[ALONG_X]) < _PARALLEL)
+
+
+@kernel
+def _mirrored(vector: Vector, normal: Vector) -> Vector:
+    across = 2.0 * (vector[0] * normal[0] + vector[1] * normal[1])
+    return vector[0] - across * normal[0], vector[1] - across * normal[1]
+
+
+@kernel
+def _reflected(edges: EdgeGrid, path: Path, edge: int) -> Path:
+    """The path after an elastic bounce; a million of them keep the speed to a few hundred roundings."""
+    normal = edge_normal(edges, edge)
+    vx, vy = _mirrored(path.velocity, normal)
+    before, after = math.hypot(path.velocity[0], path.velocity[1]), math.hypot(vx, vy)
+    same = before / after if after > 0.0 and before != after else 1.0
+    noise, kick = _mirrored(path.noise, normal), _mirrored(path.kick, normal)
+    velocity = vx * same, vy * same
+    return Path(path.place, velocity, path.force, path.slope, noise, kick, path.damping)
+
+
+@kernel
+def _tangential(vector: Vector, normal: Vector) -> Vector:
+    across = vector[0] * normal[0] + vector[1] * normal[1]
+    return vector[0] - across * normal[0], vector[1] - across * normal[1]
+
+
+@kernel
+def _sliding(edges: EdgeGrid, path: Path, edge: int) -> Path:
+    """The path along a wall that it is pressed against; its speed across is kept and added at the end."""
+    normal, line, (x, y) = edge_normal(edges, edge), edges.lines[edge], path.place
+    # Rounding must not lead it closer and closer.
+    lift = line[GAP] - normal[0] * (x - line[X]) - normal[1] * (y - line[Y])
+    place = x + lift * normal[0], y + lift * normal[1]
+    velocity = _tangential(path.velocity, normal)
+    kick = (
+        path.kick[0] + path.velocity[0] - velocity[0],
+        path.kick[1] + path.velocity[1] - velocity[1],
+    )
+    force, slope = _tangential(path.force, normal), _tangential(path.slope, normal)
+    noise = _tangential(path.noise, normal)
+    return Path(place, velocity, force, slope, noise, kick, path.damping)
+
+
+@kernel
+def _shifted(edges: EdgeGrid, path: Path, edge: int) -> Path:
+    """The path from the opposite periodic side on, where it is to the bit."""
+    (x, y), shift, line = path.place, edges.shifts[edge], edges.lines[edge]
+    x = line[X] + shift[0] if shift[0] != 0.0 else x
+    y = line[Y] + shift[1] if shift[1] != 0.0 else y
+    return Path((x, y), path.velocity, path.force, path.slope, path.noise, path.kick, path.damping)
+
+
+@kernel
+def _with_kick(path: Path, time: float, edge: int, first: int, corner: bool) -> End:
+    velocity = path.velocity[0] + path.kick[0], path.velocity[1] + path.kick[1]
+    return End(path.place, velocity, time, edge, first, corner)
+
+
+@kernel
+def follow(edges: EdgeGrid, path: Path, time: float) -> End:
+    """Where a path leads in `time`; it starts on the fluid's side of all edges.
+
+    A path of more parts than anybody can mean stays where it is for the rest of the step, with the
+    velocity that it has there: that keeps the energy.
+    """
+    left, last, since, first, corner = time, -1, 0.0, -1, False
+    for _ in range(_MOST_PARTS):
+        part = _next_part(edges, path, left)
+        edge, t = _first_edge(edges, path, part)
+        if edge < 0:
+            path = _moved(path, part.time, part.place, part.velocity)
+            left, since = left - part.time, since + part.time
+            if not left > 0.0:
+                return _with_kick(path, time, -1, first, corner)
+            continue
+        place, velocity = _later(path, t)
+        path = _moved(path, t, place, velocity)
+        left, since = left - t, since + t
+        if edges.acts[edge] == SHIFTS:
+            path, last = _shifted(edges, path, edge), -1
+            continue
+        first = edge if first < 0 else first
+        corner |= not _parallel(edges, first, edge)
+        if edges.acts[edge] == ENDS:
+            return _with_kick(path, time - left, edge, first, corner)
+        path = _reflected(edges, path, edge)
+        if edge == last and since < _HOP * time:
+            path = _sliding(edges, path, edge)
+        last, since = edge, 0.0
+    return _with_kick(path, time, -1, first, corner)

@@ -157,7 +157,8 @@ class CellModel:
         """What the CFL number, the force and the torque allow."""
         cells = self.cells
         inflow = cells.ghosts.kinds.inflow_step(cells.cfl * cells.grid.plane.cell)
-        return min(self.stepper.largest_step, (inflow, CFL_LIMIT))
+        allowed = min(self.stepper.largest_step, (inflow, CFL_LIMIT))
+        return allowed if cells.lines is None else min(allowed, (cells.fluid_step, CFL_LIMIT))
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all as before, if the stepper finds that it was too long."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.geometry.patches import require_patches
+from ellipsoid_coupling.geometry.patches import is_outlined, require_patches
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SideName
 
@@ -71,7 +71,8 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     if flow is None:
         return
     _require_periodic(scene, flow)
-    if math.isinf(flow.bounds[0]):
+    # Patches need not lie on the sides of the flow's rectangle.
+    if math.isinf(flow.bounds[0]) or is_outlined(scene, flow):
         return
     for name, axis, end in _SIDES:
         reflects = scene.sides[name].particles == "reflect"

@@ -23,6 +23,11 @@ from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, 
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
+from ellipsoid_coupling.models.staircase import (
+    require_start_in_fluid,
+    scene_staircase,
+    staircase_lines,
+)
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -45,15 +50,20 @@ class RGridEquation(CellModel):
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
         self._forces = MeanAngleForces(*_scene_interaction(setup, plane), start_angle(plane, scene))
+        system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
         cells = CellFields(
-            system=self.system(setup),
-            grid=RGrid(plane),
-            terms=scene_cell_terms(setup, plane),
+            system=system,
+            grid=grid,
+            terms=scene_cell_terms(setup, plane, stairs),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
+            lines=stairs and staircase_lines(setup, stairs, grid, system),
         )
-        cells.inside[0] = start_density(plane, scene)
+        density = start_density(plane, scene)
+        if stairs is not None:
+            density = require_start_in_fluid(scene, stairs.cells.inside, plane, density)
+        cells.inside[0] = density
         if cells.system.carried_angle:
             cells.fill(MEAN_ANGLE, self._forces.start_angle)
         for component, value in self.start_values(setup, cells.inside[0]).items():

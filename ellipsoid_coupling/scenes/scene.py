@@ -341,8 +341,9 @@ class Scene(Part):
 
     @property
     def has_inflow(self) -> bool:
-        """Whether mass may come in at some side."""
-        return any(keys_of(side.kind).inflow for side in self.sides.values())
+        """Whether mass may come in at some side or patch."""
+        parts = [*self.sides.values(), *self.named_patches.values()]
+        return any(keys_of(part.kind).inflow for part in parts)
 
     def has_sides(self, particles: AtSide) -> bool:
         """Whether particles do this at some side: "reflect", "leave" or "wrap"."""

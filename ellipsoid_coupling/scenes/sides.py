@@ -46,6 +46,7 @@ class KindKeys(NamedTuple):
 
 
 _KINDS = {
+    "inlet": KindKeys("leave", inflow=True, required=("density",), optional=("angle",)),
     "periodic": KindKeys("wrap"),
     "reflect": KindKeys("reflect"),
     "remove": KindKeys("leave"),

@@ -155,12 +155,16 @@ class CellFields:
 
     # Transport.
 
-    def transport(self, flux: Flux, axis: int, dt: float) -> None:
-        """Move all fields along an axis for dt; the extents grow with them."""
+    def transport(self, flux: Flux, axis: int, dt: float, drifts: bool = True) -> None:
+        """Move all fields along an axis for dt; the extents grow with them.
+
+        drifts : see `transport_all`.
+        """
         require_formula(through_face, flux)
         ratio = dt / self.grid.width(axis)
         if self.lines is not None and axis != -3:
-            along = line_fields(self.fields, axis, self.lines, self.plane_width, self.time)
+            lines = self.lines if drifts else self.lines.without_inflow
+            along = line_fields(self.fields, axis, lines, self.plane_width, self.time)
             self.outflow += sweep_lines(flux, along, ratio, self.outflow.size)
             self.extents = self.swept_extents(axis)
             return
@@ -193,18 +197,28 @@ class CellFields:
         if not kinds.closed:
             self.outflow += gone
 
-    def transport_all(self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float) -> None:
-        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it."""
+    def transport_all(
+        self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float, drifts: bool = True
+    ) -> None:
+        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it.
+
+        drifts : at velocities that drag draws to the fluid's, not at corrections of these.
+        """
         if axes[0] == -3:
             self.transport(make_flux(self.transported(-3, dt)), -3, dt)
-        x_first = axes.index(-1) < axes.index(-2)
+        first, second = (-1, -2) if axes.index(-1) < axes.index(-2) else (-2, -1)
         if self.lines is None:
-            self._transport_in_plane(make_flux(self.transported(-1, dt)), x_first, dt)
+            self._transport_in_plane(make_flux(self.transported(-1, dt)), first == -1, dt)
         else:
-            first, second = (-1, -2) if x_first else (-2, -1)
-            self.transport(make_flux(self.transported(first, dt)), first, dt)
-            self._settle(dt)
-            self.transport(make_flux(self.transported(second, dt, second=True)), second, dt)
+            follows = self._follows(dt) if drifts else 0.0
+            fluid = self.lines.fluid(first, follows, second=False)
+            moved = self.transported(first, dt)._replace(fluid=fluid)
+            self._settle(follows)
+            self.transport(make_flux(moved), first, dt, drifts)
+            self._settle(follows)
+            fluid = self.lines.fluid(second, follows, second=True)
+            moved = self.transported(second, dt)._replace(fluid=fluid)
+            self.transport(make_flux(moved), second, dt, drifts)
         if axes[-1] == -3:
             self.transport(make_flux(self.transported(-3, dt)), -3, dt)
 
@@ -214,27 +228,30 @@ class CellFields:
         fastest = 0.0 if self.lines is None else self.lines.fastest
         return self.cfl * self.grid.plane.cell / fastest if fastest > 0.0 else math.inf
 
-    def follows(self, dt: float) -> float:
+    def _follows(self, dt: float) -> float:
         """How much of the velocities counts as the fluid's in a step, see `fluxes.in_fluid`."""
         return 1.0 if self.system.slaved else -math.expm1(-self.terms.damping * dt)
 
-    def _settle(self, dt: float) -> None:
-        """Between two directions: velocities of the new place, as far as drag makes them at once.
+    def _settle(self, follows: float) -> None:
+        """Before each direction: the velocities of this place, as far as drag makes them at once.
 
-        Strong drag lets the velocity of the old place not come along. The part is O(dt^3) for weak drag,
-        so that no order is lost.
+        Strong drag does not let the velocity of the old place come along, nor what an implicit kick has
+        left of it. The part is O(dt^3) for weak drag, so that no order is lost.
         """
-        part, velocities = self.follows(dt) ** 3, len(self.system.velocities)
+        part = follows**3
+        if part > 0.0:
+            self.treat(self.limit(1), self.drift_in_plane(part), fresh=True)
+
+    def drift_in_plane(self, part: float = 1.0) -> Kick:
+        """Draws this part of v to the drift's velocity, F/Gamma, and leaves omega."""
+        velocities = len(self.system.velocities)
         there = drift_velocity(self.terms, velocities)
-        keep = (1.0 - part, 1.0 - part, 1.0)[:velocities]
-        gain = tuple((1.0 - one) * gain for one, gain in zip(keep, there.gain, strict=True))
-        self.treat(self.limit(1), Kick(keep, gain), fresh=True)
+        parts = (part, part, 0.0)[:velocities]
+        gain = tuple(one * gain for one, gain in zip(parts, there.gain, strict=True))
+        return Kick(tuple(1.0 - one for one in parts), gain)
 
-    def transported(self, axis: int, dt: float, second: bool = False) -> Transported:
-        """What a flux moves along an axis in a step; in a rectangle along x and y alike.
-
-        second : along the second direction in the plane.
-        """
+    def transported(self, axis: int, dt: float) -> Transported:
+        """What a flux moves along an axis in a step; along x and y alike."""
         flight = bends_of_step(self.smooth_part(-1), self.grid.plane.cell, dt)
         turning = bends_of_step(self.smooth_part(-3), self.grid.angle_width, dt)
         # What else is carried has no unit here: none of its extrema counts as smooth.
@@ -243,10 +260,7 @@ class CellFields:
         bends |= dict(zip(VELOCITIES, (flight.speed, flight.speed, turning.speed), strict=True))
         order = in_order(len(self.fields), self.system.velocities[-1 - axis])
         each = tuple(bends[self.system.components[k]] for k in order)
-        moved = Transported(self.system.pressure, each, self.smooth_part(axis), self.vacuum)
-        if self.lines is None or axis == -3:
-            return moved
-        return moved._replace(fluid=self.lines.fluid(axis, self.follows(dt), second))
+        return Transported(self.system.pressure, each, self.smooth_part(axis), self.vacuum)
 
     def smooth_part(self, axis: int) -> float:
         """What is a small part along an axis, by its resolution; see `fluxes.ballistic`."""

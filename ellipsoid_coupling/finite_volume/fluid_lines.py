@@ -154,6 +154,12 @@ class FluidLines(NamedTuple):
         """Whether the fluid carries anything in."""
         return any((table.carried > 0).any() for table in self.tables.values())
 
+    @property
+    def without_inflow(self) -> FluidLines:
+        """With nothing carried in."""
+        nothing = {axis: np.zeros_like(rows) for axis, rows in self.carried.items()}
+        return self._replace(carried=nothing)
+
     def fluid(self, axis: int, follows: float, second: bool) -> FluidMotion | None:
         """The fluid along an axis, of which cells follow this part; see `fluxes.in_fluid`."""
         motion = self.motion[axis]

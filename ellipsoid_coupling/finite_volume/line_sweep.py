@@ -114,7 +114,7 @@ def line_of(whole: LineFields, task: int) -> Line:
 
 
 @kernel(noalias=True)
-def _copy(source: Rows, target: Rows, strides: tuple[int, int], count: int) -> None:
+def copy_cells(source: Rows, target: Rows, strides: tuple[int, int], count: int) -> None:
     """Copy cells that are so far apart in the source and in the target."""
     for i in range(count):
         store(target, i * strides[1], load(source, i * strides[0]))
@@ -132,9 +132,9 @@ def _copy_line(whole: LineFields, line: Line, room: Floats, back: bool) -> None:
         outside = rows_at(whole.fields, whole.components, begin + first * stride)
         inside = rows_at(room, whole.each, GHOSTS + at)
         if back:
-            _copy(inside, outside, (1, stride), count)
+            copy_cells(inside, outside, (1, stride), count)
         else:
-            _copy(outside, inside, (stride, 1), count)
+            copy_cells(outside, inside, (stride, 1), count)
 
 
 @kernel

@@ -62,7 +62,7 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
     "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
-    "step_limits", FURTHER,
+    "step_limits", "mass_left_by_patch", FURTHER,
 )  # fmt: skip
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",

@@ -134,11 +134,12 @@ class CellFields:
 
     @property
     def left_by_boundary(self) -> dict[str, float]:
-        """The same through each patch and side; {} in a rectangle."""
+        """The same through each patch and side that bounds a cell and is no wall; {} in a rectangle."""
         if self.lines is None:
             return {}
         left = (self.outflow * self.grid.volume).tolist()
-        return dict(zip(self.lines.boundaries, left, strict=True))
+        names = zip(self.lines.boundaries, left, self.lines.is_passed, strict=True)
+        return {name: one for name, one, passed in names if passed}
 
     # Where mass is.
 

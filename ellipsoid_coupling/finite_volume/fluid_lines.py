@@ -155,6 +155,16 @@ class FluidLines(NamedTuple):
         return any((table.carried > 0).any() for table in self.tables.values())
 
     @property
+    def is_passed(self) -> list[bool]:
+        """Of each boundary whether it closes a line and mass may pass it."""
+        found: set[int] = set()
+        for table in self.tables.values():
+            ends = table.boundary[~table.ring]
+            kinds = [at_side(self.kinds[kind]) for kind in table.kind[~table.ring].ravel()]
+            found |= {int(b) for b, act in zip(ends.ravel(), kinds, strict=True) if act == "leave"}
+        return [k in found for k in range(len(self.boundaries))]
+
+    @property
     def without_inflow(self) -> FluidLines:
         """With nothing carried in."""
         nothing = {axis: np.zeros_like(rows) for axis, rows in self.carried.items()}

@@ -37,6 +37,7 @@ from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.models.staircase import (
     Staircase,
+    curved_walls,
     require_start_in_fluid,
     scene_staircase,
     staircase_lines,
@@ -70,7 +71,7 @@ class QEquation(CellModel):
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
-                _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape)
+                _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape, stairs)
             ),
             lines=stairs and staircase_lines(setup, stairs, grid, system),
         )
@@ -190,13 +191,19 @@ def _scene_q_grid(scene: Scene) -> QGrid:
     return QGrid(scene_grid(scene), 1 if one else scene.numerics.angle_cells)
 
 
-def _wall_forces(scene: Scene, grid: QGrid, shape: PotentialShape) -> AngleForces | None:
+def _wall_forces(
+    scene: Scene, grid: QGrid, shape: PotentialShape, stairs: Staircase | None
+) -> AngleForces | None:
     """What the walls do to every cell and every angle that the potential tells apart."""
     walls = scene_walls(scene, shape)
     if walls is None:
         return None
-    table: WallTable = walls.table(grid.plane.cell)
     n = distinct_angles(grid.angles, shape)
+    curved = curved_walls(scene, stairs, grid.plane, walls)
+    if curved is not None:
+        force_x, force_y, torque = curved.on_angles(grid.angle[:n], grid.plane.shape)
+        return AngleForces(force_x, force_y, torque if shape.shape_factor else None)
+    table: WallTable = walls.table(grid.plane.cell)
     force_x, force_y, torque = np.zeros((3, n, *grid.plane.shape))
     for side in table.sides:
         frame = WALL_FRAMES[side]

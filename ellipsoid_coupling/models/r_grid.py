@@ -16,7 +16,12 @@ from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle,
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
 from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
 from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
-from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
+from ellipsoid_coupling.interaction import (
+    CurvedWalls,
+    GridInteraction,
+    WallTable,
+    choose_interaction,
+)
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
@@ -24,6 +29,8 @@ from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.models.staircase import (
+    Staircase,
+    curved_walls,
     require_start_in_fluid,
     scene_staircase,
     staircase_lines,
@@ -49,8 +56,9 @@ class RGridEquation(CellModel):
         scene, plane = setup.scene, scene_grid(setup.scene)
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
-        self._forces = MeanAngleForces(*_scene_interaction(setup, plane), start_angle(plane, scene))
         system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
+        interaction = _scene_interaction(setup, plane, stairs)
+        self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
         cells = CellFields(
             system=system,
             grid=grid,
@@ -139,7 +147,9 @@ class RGridEquation(CellModel):
         return {"y": self.grid.plane.y, "x": self.grid.plane.x}
 
 
-def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None, WallTable | None]:
+def _scene_interaction(
+    setup: Setup, grid: Grid, stairs: Staircase | None
+) -> tuple[GridInteraction | None, WallTable | CurvedWalls | None]:
     scene = setup.scene
     if scene.interaction is None:
         return None, None
@@ -155,5 +165,6 @@ def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None
         periods=periodic_axes(scene),
     )
     walls = scene_walls(scene, shape)
-    table = walls.table(grid.cell) if walls is not None else None
-    return interaction, table
+    if walls is None:
+        return interaction, None
+    return interaction, curved_walls(scene, stairs, grid, walls) or walls.table(grid.cell)

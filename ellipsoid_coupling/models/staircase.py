@@ -16,9 +16,11 @@ from ellipsoid_coupling.finite_volume.grid import Grid, cell_of, first_centre
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, start_angles
 from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCITIES, System
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.boundaries import Inlet, at_side, make_kind
 from ellipsoid_coupling.geometry.fluid_cells import FluidCells, fluid_cells
 from ellipsoid_coupling.geometry.patches import is_outlined, patch_parts
+from ellipsoid_coupling.interaction import CurvedWalls, Walls
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.physics.jeffery import jeffery_coefficients, jeffery_rate
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -38,11 +40,14 @@ class Staircase(NamedTuple):
         What closes them.
     faces : dict
         The fluid's velocity at the cells' faces along each axis, -1 and -2.
+    outline : Outline or None
+        None where the sides of the domain bound it.
     """
 
     cells: FluidCells
     ends: Ends
     faces: dict[int, CellFaces]
+    outline: Outline | None
 
 
 def scene_staircase(setup: Setup, grid: Grid) -> Staircase | None:
@@ -65,12 +70,13 @@ def scene_staircase(setup: Setup, grid: Grid) -> Staircase | None:
             f"scene {scene.name}, key boundaries", "a fluid that carries particles in at an inlet",
             "no [flow]", "Add [flow], or choose another kind of boundary.",
         )  # fmt: skip
-    cells = fluid_cells(flow.outline if outlined else None, grid.x, grid.y, grid.cell)
+    outline = flow.outline if outlined else None
+    cells = fluid_cells(outline, grid.x, grid.y, grid.cell)
     _require_cells(setup, flow, cells, grid)
     corners = corner_values(flow, cells, ends, grid)
     faces = {axis: CellFaces(corners, cells, ends, grid.cell, axis) for axis in (-1, -2)}
     _require_periods(scene, ends, faces)
-    return Staircase(cells, ends, faces)
+    return Staircase(cells, ends, faces, outline)
 
 
 def _ends(scene: Scene, flow: FlowField | None) -> Ends:
@@ -191,6 +197,31 @@ def _state(
     )
     values |= {DENSITY: 1.0, MEAN_ANGLE: angle, VELOCITIES[-1 - axis]: along}
     return np.array([density * values.get(name, 0.0) for name in system.components])
+
+
+def curved_walls(
+    scene: Scene, stairs: Staircase | None, grid: Grid, walls: Walls
+) -> CurvedWalls | None:
+    """The walls of an outline: patches that reflect, or those that [walls] names, and sides that do.
+
+    None where the sides of the domain bound the fluid.
+    """
+    if stairs is None or stairs.outline is None or scene.walls is None:
+        return None
+    outline, ends = stairs.outline, stairs.ends
+    named = set(scene.walls.sides or ()) & set(outline.names)
+    chosen = [not named or name in named for name in outline.names]
+    parts = [outline.ends[ends.reflects(ends.edge) & np.array(chosen)[ends.edge]]]
+    (left, right), (bottom, top) = scene.domain.x, scene.domain.y
+    corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    for side, start in ((0, 3), (1, 1), (2, 0), (3, 2)):
+        faces = stairs.faces[-1 if side < 2 else -2].boundary[side % 2]
+        # A side that no fluid reaches is no wall.
+        if (faces == ends.sides[side]).any() and ends.reflects(ends.sides[side : side + 1])[0]:
+            parts.append(corners[None, [start, (start + 1) % 4]])
+    centres = grid.x, grid.y
+    entries = walls.table(grid.cell).entries
+    return CurvedWalls(np.concatenate(parts), entries, centres, stairs.cells.inside, grid.cell)
 
 
 def require_start_in_fluid(

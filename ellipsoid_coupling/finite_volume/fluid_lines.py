@@ -176,11 +176,22 @@ class FluidLines(NamedTuple):
         return None if motion is None else motion._replace(follows=follows, second=float(second))
 
 
+def _each_once(kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+    # Kinds without parameters are empty tuples, which are all equal.
+    return tuple({(type(kind), repr(kind)): kind for kind in kinds}.values())
+
+
+def _number(kinds: tuple[Any, ...], kind: Any) -> int:
+    """Where a kind stands in `kinds`."""
+    wanted = type(kind), repr(kind)
+    return [(type(one), repr(one)) for one in kinds].index(wanted)
+
+
 def line_tables(
     cells: FluidCells, ends: Ends, grid: Grid
 ) -> tuple[dict[int, LineTable], tuple[Any, ...]]:
     """The lines along x (-1) and y (-2), and the kinds that they end with."""
-    kinds = tuple(dict.fromkeys((*ends.kinds, Periodic(), Reflect())))
+    kinds = _each_once((*ends.kinds, Periodic(), Reflect()))
     row = grid.padded[1]
     corner = GHOSTS * (row + 1)
     along_x = _table(cells.x, ends, kinds, (corner, row, 1), (0, 1))
@@ -227,11 +238,11 @@ def _table(
             low, high = boundary[LOW][row, start], boundary[HIGH][row, stop]
             found.append((row, start, (stop - start) % n + 1, False, low, high))
     rows, first, length, ring, lows, highs = np.array(found, np.int64).reshape(-1, 6).T
-    number = np.array([kinds.index(kind) for kind in ends.kinds], np.int64)
+    number = np.array([_number(kinds, kind) for kind in ends.kinds], np.int64)
     by_end = np.stack((lows, highs), axis=-1)
     # A periodic side with no fluid at the other one is a wall.
-    kind = np.where(ends.wraps(by_end), kinds.index(Reflect()), number[by_end])
-    kind[ring != 0] = kinds.index(Periodic())
+    kind = np.where(ends.wraps(by_end), _number(kinds, Reflect()), number[by_end])
+    kind[ring != 0] = _number(kinds, Periodic())
     padded = length + 2 * GHOSTS
     corner, across, along = layout
     return LineTable(

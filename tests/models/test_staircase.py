@@ -62,12 +62,13 @@ def test_density_in_solids_is_zero_and_mass_is_kept(model: str, scheme: Any) -> 
     order then, and differ by rounding.
     """
     flow = couette_ring()
-    result = simulate(scene((1.0, 1.0), 0.05), model, scheme, flow=flow)
+    start = {"x": [-0.95, 0.95], "y": [-0.6, 0.6]}
+    result = simulate(scene((1.0, 1.0), 0.05, start=start), model, scheme, flow=flow)
     fluid, density = fluid_of(result, flow), last(result)
     assert not density[~fluid].any()
     assert result.variables["density"].min() == 0.0
     assert abs(balance(result)) < 1e-13
-    assert result.attributes["mass_left"] == 0.0
+    assert abs(result.attributes["mass_left"]) < 1e-15
     even = 1.0 / (fluid.sum() * 0.05**2)
     assert np.ptp(density[fluid]) > 0.1 * even
     np.testing.assert_allclose(density, density[::-1, ::-1], atol=1e-11 * even)

@@ -119,3 +119,31 @@ def register_formula(
     # Numba looks at the names of the arguments.
     vars(choose)["__signature__"] = inspect.signature(source)
     overload(function, inline="always", strict=False, jit_options=_OPTIONS)(choose)
+
+
+def compile_choice(declared: Callable[..., Any], formula: Callable[..., Any]) -> None:
+    """Compile ``declared(kinds, number, argument)`` as ``formula(kinds[number], argument)``.
+
+    Kinds of several types stand in one tuple, and which one it is shows while the kernel runs: each is
+    compiled, and they are asked for one after the other.
+
+    formula : an inline kernel
+    """
+
+    def choose(kinds: Any, number: Any, argument: Any) -> Any:
+        del number, argument
+        if len(kinds) == 1:
+
+            def only(kinds: Any, number: Any, argument: Any) -> Any:  # noqa: ARG001
+                return formula(kinds[0], argument)
+
+            return only
+
+        def first(kinds: Any, number: Any, argument: Any) -> Any:
+            if number == 0:
+                return formula(kinds[0], argument)
+            return declared(kinds[1:], number - 1, argument)
+
+        return first
+
+    overload(declared, strict=False, jit_options=_OPTIONS)(choose)

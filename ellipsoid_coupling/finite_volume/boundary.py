@@ -81,7 +81,7 @@ def fill_ghosts(fields: Floats, axis: int, table: GhostTable, t: float) -> None:
 def _place(places: Floats, side: int, i: int, angle: float) -> Place:
     """That of a side's ghost number i."""
     x = places[side, X] + i * places[side, STEP_X]
-    return Place(x, places[side, Y] + i * places[side, STEP_Y], angle)
+    return Place(x, places[side, Y] + i * places[side, STEP_Y], angle, ())
 
 
 @inline_kernel

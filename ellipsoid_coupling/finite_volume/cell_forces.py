@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.buffers import BufferPool
-from ellipsoid_coupling.interaction import GridInteraction, WallTable
+from ellipsoid_coupling.interaction import CurvedWalls, GridInteraction, WallTable
 from ellipsoid_coupling.interaction.convolution.spectra import Real
 from ellipsoid_coupling.interaction.grid_forces import Forces
 from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteraction
@@ -61,13 +61,13 @@ class MeanAngleForces:
     Attributes
     ----------
     interaction : GridInteraction or None
-    walls : WallTable or None
+    walls : WallTable, CurvedWalls or None
         None without interaction, too.
     start_angle : (ny, nx) float64
     """
 
     interaction: GridInteraction | None
-    walls: WallTable | None
+    walls: WallTable | CurvedWalls | None
     start_angle: Floats
 
     def __call__(self, cells: CellFields) -> Forces | None:

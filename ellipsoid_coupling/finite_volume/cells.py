@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.dispatch import require_formula
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
+from ellipsoid_coupling.finite_volume.fluid_lines import FluidLines
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker, Transported
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import bends_of_step, smooth_part
 from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_order, through_face
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
-from ellipsoid_coupling.finite_volume.kick import Kick, dampings, exact_kick
-from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
+from ellipsoid_coupling.finite_volume.kick import Kick, dampings, drift_velocity, exact_kick
+from ellipsoid_coupling.finite_volume.line_sweep import line_fields, sweep_lines
+from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, grown, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
 from ellipsoid_coupling.finite_volume.sources import Cells, Limit, Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import (
@@ -60,6 +62,8 @@ class CellFields:
         The part of a cell that mass may cross in a step.
     find_forces : callable
         Interaction and walls at the present fields, (cells) -> Forces or AngleForces, or None.
+    lines : FluidLines or None
+        What sweeps go along where patches bound the fluid; None in a rectangle.
     fields : (K, *grid.padded) float64
         The system's components; zero at first.
     drift : (D, na or 0, ny, nx) float64
@@ -68,8 +72,8 @@ class CellFields:
         Outside them, all is vacuum.
     vacuum : float
         The density up to which a cell counts as empty.
-    outflow : (1,) float64
-        What has left through open boundaries, in units of a cell's density.
+    outflow : (1,) or, with lines, (boundaries,) float64
+        What has left through open boundaries less what came in, in units of a cell's density.
     forces : Forces, AngleForces or None
         Of interaction and walls, as last found.
     time : float
@@ -82,6 +86,7 @@ class CellFields:
     ghosts: GhostTable
     cfl: float
     find_forces: Callable[[CellFields], Forces | AngleForces | None]
+    lines: FluidLines | None = None
     fields: Floats = field(init=False)
     drift: Floats = field(init=False)
     extents: Extents = field(init=False)
@@ -98,7 +103,7 @@ class CellFields:
         self.drift = np.zeros((len(self.system.velocities), kept, *plane))
         # The density that mass 1 has all over the grid, a small part of it.
         self.vacuum = VACUUM / (math.prod(self.grid.shape) * self.grid.volume)
-        self.outflow = np.zeros(1)
+        self.outflow = np.zeros(1 if self.lines is None else len(self.lines.boundaries))
         self.look_for_mass()
 
     @property
@@ -125,7 +130,16 @@ class CellFields:
     @property
     def mass_left(self) -> float:
         """The mass that has left through open boundaries."""
-        return float(self.outflow[0] * self.grid.volume)
+        return float(self.outflow.sum() * self.grid.volume)
+
+    @property
+    def left_by_boundary(self) -> dict[str, float]:
+        """The same through each patch and side that bounds a cell and is no wall; {} in a rectangle."""
+        if self.lines is None:
+            return {}
+        left = (self.outflow * self.grid.volume).tolist()
+        names = zip(self.lines.boundaries, left, self.lines.is_passed, strict=True)
+        return {name: one for name, one, passed in names if passed}
 
     # Where mass is.
 
@@ -142,12 +156,33 @@ class CellFields:
 
     # Transport.
 
-    def transport(self, flux: Flux, axis: int, dt: float) -> None:
-        """Move all fields along an axis for dt; the extents grow with them."""
+    def transport(self, flux: Flux, axis: int, dt: float, drifts: bool = True) -> None:
+        """Move all fields along an axis for dt; the extents grow with them.
+
+        drifts : see `transport_all`.
+        """
         require_formula(through_face, flux)
         ratio = dt / self.grid.width(axis)
+        if self.lines is not None and axis != -3:
+            lines = self.lines if drifts else self.lines.without_inflow
+            along = line_fields(self.fields, axis, lines, self.plane_width, self.time)
+            self.outflow += sweep_lines(flux, along, ratio, self.outflow.size)
+            self.extents = self.swept_extents(axis)
+            return
         here = self.fields, axis, ratio, self.extents, self.ghosts, self.time
         self.extents = transport(flux, *here, self.outflow)
+
+    @property
+    def plane_width(self) -> float:
+        """From plane to plane of an angle that is resolved, radian; else 0."""
+        return self.grid.angle_width if self.grid.angle_resolved else 0.0
+
+    def swept_extents(self, axis: int) -> Extents:
+        """What may hold mass after a sweep of lines along x or y."""
+        if not self.grid.angle_resolved or (self.lines is not None and self.lines.has_inflow):
+            return self.grid.everywhere
+        periodic = self.ghosts.kinds.wraps(axis)
+        return grown(self.extents, self.grid.plane.nx, axis, periodic)
 
     def _transport_in_plane(self, flux: Flux, x_first: bool, dt: float) -> None:
         """Move all fields along x and then y for dt, or along y and then x, in one pass."""
@@ -163,14 +198,58 @@ class CellFields:
         if not kinds.closed:
             self.outflow += gone
 
-    def transport_all(self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float) -> None:
-        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it."""
+    def transport_all(
+        self, make_flux: FluxMaker, axes: tuple[int, ...], dt: float, drifts: bool = True
+    ) -> None:
+        """Move all fields for dt along all `axes`, in this order; x and y stand side by side in it.
+
+        drifts : at velocities that drag draws to the fluid's, not at corrections of these.
+        """
         if axes[0] == -3:
             self.transport(make_flux(self.transported(-3, dt)), -3, dt)
-        x_first = axes.index(-1) < axes.index(-2)
-        self._transport_in_plane(make_flux(self.transported(-1, dt)), x_first, dt)
+        first, second = (-1, -2) if axes.index(-1) < axes.index(-2) else (-2, -1)
+        if self.lines is None:
+            self._transport_in_plane(make_flux(self.transported(-1, dt)), first == -1, dt)
+        else:
+            follows = self._follows(dt) if drifts else 0.0
+            fluid = self.lines.fluid(first, follows, second=False)
+            moved = self.transported(first, dt)._replace(fluid=fluid)
+            self._settle(follows)
+            self.transport(make_flux(moved), first, dt, drifts)
+            self._settle(follows)
+            fluid = self.lines.fluid(second, follows, second=True)
+            moved = self.transported(second, dt)._replace(fluid=fluid)
+            self.transport(make_flux(moved), second, dt, drifts)
         if axes[-1] == -3:
             self.transport(make_flux(self.transported(-3, dt)), -3, dt)
+
+    @property
+    def fluid_step(self) -> float:
+        """The step in which the fluid empties no cell; infinite where nothing follows it."""
+        fastest = 0.0 if self.lines is None else self.lines.fastest
+        return self.cfl * self.grid.plane.cell / fastest if fastest > 0.0 else math.inf
+
+    def _follows(self, dt: float) -> float:
+        """How much of the velocities counts as the fluid's in a step, see `fluxes.in_fluid`."""
+        return 1.0 if self.system.slaved else -math.expm1(-self.terms.damping * dt)
+
+    def _settle(self, follows: float) -> None:
+        """Before each direction: the velocities of this place, as far as drag makes them at once.
+
+        Strong drag does not let the velocity of the old place come along, nor what an implicit kick has
+        left of it. The part is O(dt^3) for weak drag, so that no order is lost.
+        """
+        part = follows**3
+        if part > 0.0:
+            self.treat(self.limit(1), self.drift_in_plane(part), fresh=True)
+
+    def drift_in_plane(self, part: float = 1.0) -> Kick:
+        """Draws this part of v to the drift's velocity, F/Gamma, and leaves omega."""
+        velocities = len(self.system.velocities)
+        there = drift_velocity(self.terms, velocities)
+        parts = (part, part, 0.0)[:velocities]
+        gain = tuple(one * gain for one, gain in zip(parts, there.gain, strict=True))
+        return Kick(tuple(1.0 - one for one in parts), gain)
 
     def transported(self, axis: int, dt: float) -> Transported:
         """What a flux moves along an axis in a step; along x and y alike."""

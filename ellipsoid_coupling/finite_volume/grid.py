@@ -105,6 +105,12 @@ def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
     return min(max(int(row), 0), grid.ny - 1), min(max(int(column), 0), grid.nx - 1)
 
 
+def first_centre(grid: Grid, cells: NDArray[np.bool_]) -> tuple[float, float]:
+    """The centre of the first of some cells (ny, nx)."""
+    j, i = np.argwhere(cells)[0]
+    return float(grid.x[i]), float(grid.y[j])
+
+
 def start_angle(grid: Grid, scene: Scene) -> Floats:
     """The mean start angle in every cell less the scene's whole turns, (ny, nx).
 

@@ -60,7 +60,7 @@ def _set_cell(
 
 
 @kernel(noalias=True)
-def _set_run(
+def set_run(
     pulls: tuple[Rows, Rows],
     potentials: tuple[Rows, Rows],
     weights: tuple[float, float],
@@ -107,7 +107,7 @@ def _set_between(
     out: Floats,
     start: int,
 ) -> None:
-    """`_set_run` of the cells from `here` on, (angle, y, x), to out (2, cells) from `start` on."""
+    """`set_run` of the cells from `here` on, (angle, y, x), to out (2, cells) from `start` on."""
     pull, potential, distinct = forces
     rows = pull.shape[1]
     # Rows of (angle, y); the potential has fewer angles where it is periodic in them.
@@ -119,7 +119,7 @@ def _set_between(
         rows_at(potential, (here[0] % distinct * rows + here[1],), here[2]),
         rows_at(potential, (beyond[0] % distinct * rows + beyond[1],), beyond[2]),
     )
-    _set_run(pulls, potentials, weights, width, rows_at(out, (0, 1), start))
+    set_run(pulls, potentials, weights, width, rows_at(out, (0, 1), start))
 
 
 @kernel

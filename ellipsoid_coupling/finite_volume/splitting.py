@@ -235,7 +235,8 @@ class OverdampedHeun(_Overdamped):
 
     and the same for the angle. Both are ballistic, hence exact for the piecewise linear state. Between
     directions the mass keeps the velocity that it started with, so that a flight along x and then y is
-    the same straight way as both at once.
+    the same straight way as both at once. On a staircase it takes that of the new place instead, x and y
+    changing order: then v* - v_n is the change by the forces alone.
     """
 
     order: ClassVar[int] = 2
@@ -260,6 +261,7 @@ class OverdampedHeun(_Overdamped):
             np.copyto(kept, array)
         axes = cells.axes if count % 2 == 0 else cells.axes[::-1]
         self._fly(dt, axes)
+        cells.update_forces()
         correction = extremes_of(
             cells.treat(self._limit, self._correction, fresh=True, limits=True)
         )
@@ -269,13 +271,16 @@ class OverdampedHeun(_Overdamped):
             for kept, array in zip(self._before, self._stepped, strict=True):
                 np.copyto(array, kept)
             return False
-        self._fly(dt, axes[::-1])
+        self._fly(dt, axes[::-1], drifts=False)
+        cells.update_forces()
         self._meet_forces(self._settled)
         return True
 
-    def _fly(self, dt: float, axes: tuple[int, ...]) -> None:
-        """Turn, fly, and find the forces where that leads."""
+    def _fly(self, dt: float, axes: tuple[int, ...], drifts: bool = True) -> None:
+        """Turn and fly; on a staircase not on at the velocity of the start, see `CellFields`."""
         cells = self._cells
         cells.turn(self._limit, dt)
-        cells.transport_all(self._make_flux, axes, dt)
-        cells.update_forces()
+        cells.transport_all(self._make_flux, axes, dt, drifts)
+        if cells.lines is not None and drifts:
+            # What makes up for the change on the way has been flown; that of the forces is left.
+            cells.treat(self._limit, cells.drift_in_plane(), fresh=True)

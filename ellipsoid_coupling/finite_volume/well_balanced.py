@@ -31,6 +31,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.threads import for_each
+from ellipsoid_coupling.finite_volume.balanced_lines import (
+    Balance,
+    LineForces,
+    balance_lines,
+    lose_ahead,
+    no_line_work,
+    set_line_work,
+)
 from ellipsoid_coupling.finite_volume.boundary import fill_ghosts, fill_periodic
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
@@ -45,6 +53,7 @@ from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     set_work,
 )
 from ellipsoid_coupling.finite_volume.kick import dampings, exact_kick
+from ellipsoid_coupling.finite_volume.line_sweep import LineFields, line_fields
 from ellipsoid_coupling.finite_volume.q_grid import NORMAL, Q
 from ellipsoid_coupling.finite_volume.sources import Work, acceleration, treat
 from ellipsoid_coupling.finite_volume.step_limits import CellwiseLimit, shorter
@@ -94,7 +103,14 @@ class WellBalancedHeun:
         self._start, self._before = np.empty((2, *system.fields.shape))
         self._middle = np.empty((2, *system.fields.shape[1:]))
         # Tilt and rest along each axis, where there is no work 1 and 0.
-        self._works = {axis: _no_work(system.fields[Q].size) for axis in system.axes}
+        self._works = {axis: self._no_work(axis) for axis in system.axes}
+
+    def _no_work(self, axis: int) -> Floats:
+        """Of the fields' cells, or of those of the lines along an axis of a staircase."""
+        if self._system.lines is not None and axis != -3:
+            return no_line_work(self._lines_along(axis))
+        cells = self._system.fields[Q].size
+        return np.array([np.ones(cells), np.zeros(cells)])
 
     def start(self) -> None:
         """The pull of the interaction at the present density, where no step has told it yet."""
@@ -145,6 +161,11 @@ class WellBalancedHeun:
         # Reversed order every second step: the splitting is second order over two steps.
         order = axes if count % 2 == 0 else axes[::-1]
         for axis in order:
+            if system.lines is not None and axis != -3:
+                if axis == order[0]:
+                    _copy(system.fields, self._start)
+                self._step_lines(axis, potential, dt)
+                continue
             self._fill(axis)
             before = self._start if axis == order[0] else self._before
             _copy(system.fields, before)
@@ -165,11 +186,18 @@ class WellBalancedHeun:
             return None
         density = system.inside[Q]
         if ahead:
-            for axis in system.axes:
+            # Solids, and what bounds them, are seen by lines alone.
+            flat = [axis for axis in system.axes if system.lines is None or axis == -3]
+            for axis in flat:
                 self._fill(axis)
-            factors = tuple(0.5 * ahead / system.grid.width(axis) for axis in system.axes)
+            factors = {axis: 0.5 * ahead / system.grid.width(axis) for axis in system.axes}
             density = np.empty(system.grid.shape)
-            set_ahead(system.fields, system.axes, factors, density)
+            np.copyto(density, system.inside[Q])
+            if flat:
+                numbers = tuple(factors[axis] for axis in flat)
+                set_ahead(system.fields, tuple(flat), numbers, density)
+            for axis in set(system.axes) - set(flat):
+                lose_ahead(self._lines_along(axis), factors[axis], density)
         return np.asarray(self._forces.interaction.potential(density), np.float64)
 
     def _fill(self, axis: int) -> None:
@@ -202,14 +230,44 @@ class WellBalancedHeun:
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
+    def _step_lines(self, axis: int, potential: Floats | None, dt: float) -> None:
+        """Both stages along x or y of a staircase."""
+        system, lines, work = self._system, self._system.lines, self._works[axis]
+        assert lines is not None
+        whole = self._lines_along(axis)
+        planes, ny, nx = system.grid.shape
+        kinds = np.array([at_side(kind) == "reflect" for kind in lines.kinds])
+        distinct, there = (1, ()) if potential is None else (potential.shape[0], (0,))
+        forces = LineForces(
+            self._steady[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
+            (ny * nx, nx, 1) if axis == -1 else (ny * nx, 1, nx), kinds[whole.lines.kind],
+            (0.5 * system.grid.width(axis), self._weight(axis)),
+        )  # fmt: skip
+        set_line_work(forces, whole, work)
+        flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
+        limits = Limits(system.smooth_part(axis), system.vacuum)
+        balance = Balance(work, limits, self._stage(axis, dt))
+        system.outflow += balance_lines(flux, whole, balance, system.outflow.size)
+        system.extents = system.swept_extents(axis)
+
+    def _lines_along(self, axis: int) -> LineFields:
+        system = self._system
+        assert system.lines is not None
+        width = system.grid.angle_width
+        return line_fields(system.fields, axis, system.lines, width, system.time, by_plane=True)
+
+    def _stage(self, axis: int, dt: float) -> Stage:
+        terms = self._system.terms
+        rate = terms.angular_damping if axis == -3 else terms.damping
+        return Stage(dt / self._system.grid.width(axis), *exponential_weights(rate, dt))
+
     def _step_along(self, axis: int, potential: Floats | None, before: Floats, dt: float) -> None:
         """Both stages along an axis, from the fields as they are, of which `before` is a copy."""
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
         set_work(self._steady[-1 - axis], potential, axis, self._ends(axis), weights, work)
         flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
-        rate = system.terms.angular_damping if axis == -3 else system.terms.damping
-        stage = Stage(dt / system.grid.width(axis), *exponential_weights(rate, dt))
+        stage = self._stage(axis, dt)
         normal = NORMAL[axis]
         stride = math.prod(system.grid.padded[3 + axis + 1 :])
         before_stages = system.outflow.copy()
@@ -232,10 +290,6 @@ def _copy(source: Floats, target: Floats, which: tuple[int, ...] | None = None) 
     """All components or some, one at a time, by all threads: memory is faster than one of them."""
     parts = range(source.shape[0]) if which is None else which
     for_each(len(parts), lambda k: np.copyto(target[k], source[parts[k]]))
-
-
-def _no_work(cells: int) -> Floats:
-    return np.array([np.ones(cells), np.zeros(cells)])
 
 
 def _steady_forces(system: CellFields, walls: AngleForces | None, limit: CellwiseLimit) -> Floats:

@@ -59,7 +59,7 @@ def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
     return push * density[1]
 
 
-class _Forced(NamedTuple):
+class Forced(NamedTuple):
     """What the source of a run of cells follows from, rows; see `_source`."""
 
     density: Rows
@@ -69,17 +69,17 @@ class _Forced(NamedTuple):
 
 
 @inline_kernel
-def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> _Forced:
+def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> Forced:
     """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
     own = rows_at(q, (0,), start)
     around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
-    return _Forced(
+    return Forced(
         around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), limits
     )
 
 
 @inline_kernel
-def _source_at(forced: _Forced, i: int) -> float:
+def _source_at(forced: Forced, i: int) -> float:
     return _source(load(forced.density, i), load(forced.up, i), load(forced.down, i), forced.limits)
 
 
@@ -93,14 +93,15 @@ class Stage(NamedTuple):
 
 
 @inline_kernel
-def _push_cell(i: int, forced: _Forced, before: Rows, moved: Rows, stage: Stage) -> None:
+def _push_cell(i: int, forced: Forced, before: Rows, moved: Rows, stage: Stage) -> None:
     m, now = load(before, i)[0], load(moved, i)[0]
     push = now - m + stage.ratio * _source_at(forced, i)
     store(moved, i, (stage.decay * m + stage.first * push,))
 
 
 @kernel(noalias=True)
-def _push_row(forced: _Forced, before: Rows, moved: Rows, width: int, stage: Stage) -> None:
+def push_row(forced: Forced, before: Rows, moved: Rows, width: int, stage: Stage) -> None:
+    """The first stage of a run, see `push`: its old momenta, and those that transport made of them."""
     over_row(width, _push_cell, (forced, before, moved, stage))
 
 
@@ -134,12 +135,12 @@ def push(
         start, width = _run(extents, task, padded)
         forced = _forced(old, work, start, stride, limits)
         m, moved = rows_at(old, (normal,), start), rows_at(new, (normal,), start)
-        _push_row(forced, m, moved, width, stage)
+        push_row(forced, m, moved, width, stage)
 
 
 @inline_kernel
 def _combine_cell(
-    i: int, forced: _Forced, first_stage: Rows, old: Rows, new: Rows, stage: Stage
+    i: int, forced: Forced, first_stage: Rows, old: Rows, new: Rows, stage: Stage
 ) -> None:
     before, after, m1 = load(old, i), load(new, i), load(first_stage, i)[0]
     # dt (R1 - R0): R1 from the second transport, R0 from what the first stage made of it.
@@ -153,9 +154,10 @@ def _combine_cell(
 
 
 @kernel(noalias=True)
-def _combine_row(
-    forced: _Forced, first_stage: Rows, old: Rows, new: Rows, width: int, stage: Stage
+def combine_row(
+    forced: Forced, first_stage: Rows, old: Rows, new: Rows, width: int, stage: Stage
 ) -> None:
+    """The second stage of a run, see `combine`: the momentum after the first one, old and new cells."""
     over_row(width, _combine_cell, (forced, first_stage, old, new, stage))
 
 
@@ -184,4 +186,4 @@ def combine(
         forced = _forced(half, work, start, stride, limits)
         m1 = rows_at(half, (1,), start)
         olds, news = rows_at(old, components, start), rows_at(new, components, start)
-        _combine_row(forced, m1, olds, news, width, stage)
+        combine_row(forced, m1, olds, news, width, stage)

@@ -1,6 +1,7 @@
 """Interaction of particles: the integral on r-grids, walls and the pair sum over particles."""
 
 from ellipsoid_coupling.geometry.reflection import reflect
+from ellipsoid_coupling.interaction.curved_walls import CurvedWalls
 from ellipsoid_coupling.interaction.direct import DirectInteraction
 from ellipsoid_coupling.interaction.grid_forces import Forces, GridInteraction
 from ellipsoid_coupling.interaction.rho_grid import HarmonicInteraction
@@ -10,6 +11,7 @@ from ellipsoid_coupling.interaction.walls import GhostCells, GhostParticles, Wal
 
 __all__ = [
     "WALL_FRAMES",
+    "CurvedWalls",
     "DirectInteraction",
     "Forces",
     "GhostCells",

@@ -177,7 +177,7 @@ def _row_forces(
 
 
 @inline_kernel
-def _look_up(entries: Array, row: int, angle: float) -> tuple[float, float]:
+def look_up(entries: Array, row: int, angle: float) -> tuple[float, float]:
     """Normal force and torque by cubic interpolation over four neighbouring angles."""
     angles = entries.shape[2]
     place = angle * (angles / np.pi)
@@ -200,7 +200,7 @@ def _look_up(entries: Array, row: int, angle: float) -> tuple[float, float]:
 @kernel
 def _look_up_all(entries: Array, rows: NDArray[np.int64], angle: Array, out: Array) -> None:
     for k in range(rows.size):
-        out[0, k], out[1, k] = _look_up(entries, rows[k], angle[k])
+        out[0, k], out[1, k] = look_up(entries, rows[k], angle[k])
 
 
 @kernel
@@ -217,7 +217,7 @@ def _add_strip(
     for i in range(density.shape[0]):
         for j in range(density.shape[1]):
             if density[i, j] != 0.0:
-                normal, turning = _look_up(entries, i, angle[i, j] - frame.angle)
+                normal, turning = look_up(entries, i, angle[i, j] - frame.angle)
                 pull[i, j] += direction * normal
                 if torque is not None:
                     torque[i, j] += turning

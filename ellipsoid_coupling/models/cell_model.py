@@ -157,7 +157,8 @@ class CellModel:
         """What the CFL number, the force and the torque allow."""
         cells = self.cells
         inflow = cells.ghosts.kinds.inflow_step(cells.cfl * cells.grid.plane.cell)
-        return min(self.stepper.largest_step, (inflow, CFL_LIMIT))
+        allowed = min(self.stepper.largest_step, (inflow, CFL_LIMIT))
+        return allowed if cells.lines is None else min(allowed, (cells.fluid_step, CFL_LIMIT))
 
     def try_step(self, dt: float) -> bool:
         """Step by dt; False, with all as before, if the stepper finds that it was too long."""
@@ -223,16 +224,23 @@ class CellModel:
         raise NotImplementedError
 
     def counts(self) -> Counts:
-        """The steps, the mass balance, when characteristics crossed if they have, and the warnings."""
+        """The steps, the mass balance, by patch where there are any, crossed characteristics, warnings."""
         crossing = {} if self._crossing is None else self._crossing.counts()
         mass = {
             "mass_start": self._mass_start,
             "mass_end": self.cells.mass,
             "mass_left": self.cells.mass_left,
         }
-        return step_log(self.clock) | crossing | mass | as_counts(self.warnings())
+        left = self.cells.left_by_boundary
+        by_patch = {"mass_left_by_patch": listed(left)} if left else {}
+        return step_log(self.clock) | crossing | mass | by_patch | as_counts(self.warnings())
 
     def warnings(self) -> list[str]:
         """Sentences for `Result.warnings`."""
         crossing = [] if self._crossing is None else of_crossing(self._crossing.time)
         return of_start(self._setup.scene) + crossing
+
+
+def listed(numbers: Mapping[str, float]) -> str:
+    """Names and numbers in one line: "outlet 0.25, cylinder 0"."""
+    return ", ".join(f"{name} {number:.12g}" for name, number in numbers.items())

@@ -21,6 +21,7 @@ from ellipsoid_coupling.interaction.wall_lines import ghosts_along
 from ellipsoid_coupling.interaction.walls import GhostParticles
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
+from ellipsoid_coupling.models.staircase import Staircase
 from ellipsoid_coupling.particles.state import Rates
 from ellipsoid_coupling.physics.drift import EVERYWHERE, External, Fluid
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
@@ -174,8 +175,13 @@ def scene_rates(setup: Setup) -> Rates:
     )
 
 
-def scene_cell_terms(setup: Setup, grid: Grid, t: float = 0.0) -> CellTerms:
+def scene_cell_terms(
+    setup: Setup, grid: Grid, stairs: Staircase | None = None, t: float = 0.0
+) -> CellTerms:
     """What drives the cells of an r-grid, as of time t; a term that the scene lacks is None.
+
+    On a staircase the fluid's velocity in a cell is the mean of those at its faces, and no term acts in
+    solids.
 
     Raises
     ------
@@ -184,8 +190,14 @@ def scene_cell_terms(setup: Setup, grid: Grid, t: float = 0.0) -> CellTerms:
     """
     scene, turns = setup.scene, setup.terms.angle
     external, rates = scene_external(setup), scene_rates(setup)
-    require_cells_inside(setup, grid)
+    if stairs is None:
+        require_cells_inside(setup, grid)
     steady, turning = cell_tables(external, t, grid.x, grid.y)
+    if stairs is not None and external.fluid is not None:
+        still, _ = cell_tables(External(None, external.outer, None), t, grid.x, grid.y)
+        means = np.array([stairs.faces[axis].mean for axis in (-1, -2)])
+        steady = (still + external.fluid.drag * means) * stairs.cells.inside
+        turning = turning * stairs.cells.inside
     pushed = external.fluid is not None or external.outer is not None
     return CellTerms(
         steady=steady if pushed else None,

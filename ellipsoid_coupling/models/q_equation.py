@@ -35,6 +35,13 @@ from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, 
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
+from ellipsoid_coupling.models.staircase import (
+    Staircase,
+    curved_walls,
+    require_start_in_fluid,
+    scene_staircase,
+    staircase_lines,
+)
 from ellipsoid_coupling.models.summation import q_tolerance
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -56,17 +63,19 @@ class QEquation(CellModel):
         scene, system = setup.scene, self.system(setup)
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
+        stairs = scene_staircase(setup, grid.plane)
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, grid.plane),
+            terms=scene_cell_terms(setup, grid.plane, stairs),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
-                _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape)
+                _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape, stairs)
             ),
+            lines=stairs and staircase_lines(setup, stairs, grid, system),
         )
-        cells.inside[0] = _start(grid, scene)
+        cells.inside[0] = _start(grid, scene, stairs)
         cells.look_for_mass()
         for component, value in self.start_values(setup, cells.inside[0]).items():
             cells.fill(component, value)
@@ -162,12 +171,14 @@ def _interaction(
     )
 
 
-def _start(grid: QGrid, scene: Scene) -> Floats:
+def _start(grid: QGrid, scene: Scene, stairs: Staircase | None) -> Floats:
     """The density at the start, (na, ny, nx): that of the plane at the start angle, or the points."""
-    places = scene.start.places()
+    places, density = scene.start.places(), start_density(grid.plane, scene)
+    if stairs is not None:
+        density = require_start_in_fluid(scene, stairs.cells.inside, grid.plane, density)
     if not places:
-        density = start_density(grid.plane, scene) / grid.angle_width
-        return start_angles(grid, scene.start.own_angle)[:, None, None] * density
+        parts = start_angles(grid, scene.start.own_angle)[:, None, None]
+        return parts * (density / grid.angle_width)
     start = np.zeros(grid.shape)
     for x, y, angle in places:
         start[(slice(None), *cell_of(grid.plane, x, y))] += start_angles(grid, angle)
@@ -180,13 +191,19 @@ def _scene_q_grid(scene: Scene) -> QGrid:
     return QGrid(scene_grid(scene), 1 if one else scene.numerics.angle_cells)
 
 
-def _wall_forces(scene: Scene, grid: QGrid, shape: PotentialShape) -> AngleForces | None:
+def _wall_forces(
+    scene: Scene, grid: QGrid, shape: PotentialShape, stairs: Staircase | None
+) -> AngleForces | None:
     """What the walls do to every cell and every angle that the potential tells apart."""
     walls = scene_walls(scene, shape)
     if walls is None:
         return None
-    table: WallTable = walls.table(grid.plane.cell)
     n = distinct_angles(grid.angles, shape)
+    curved = curved_walls(scene, stairs, grid.plane, walls)
+    if curved is not None:
+        force_x, force_y, torque = curved.on_angles(grid.angle[:n], grid.plane.shape)
+        return AngleForces(force_x, force_y, torque if shape.shape_factor else None)
+    table: WallTable = walls.table(grid.plane.cell)
     force_x, force_y, torque = np.zeros((3, n, *grid.plane.shape))
     for side in table.sides:
         frame = WALL_FRAMES[side]

@@ -16,13 +16,25 @@ from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle,
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
 from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
 from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
-from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_interaction
+from ellipsoid_coupling.interaction import (
+    CurvedWalls,
+    GridInteraction,
+    WallTable,
+    choose_interaction,
+)
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
+from ellipsoid_coupling.models.staircase import (
+    Staircase,
+    curved_walls,
+    require_start_in_fluid,
+    scene_staircase,
+    staircase_lines,
+)
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -44,16 +56,22 @@ class RGridEquation(CellModel):
         scene, plane = setup.scene, scene_grid(setup.scene)
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
-        self._forces = MeanAngleForces(*_scene_interaction(setup, plane), start_angle(plane, scene))
+        system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
+        interaction = _scene_interaction(setup, plane, stairs)
+        self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
         cells = CellFields(
-            system=self.system(setup),
-            grid=RGrid(plane),
-            terms=scene_cell_terms(setup, plane),
+            system=system,
+            grid=grid,
+            terms=scene_cell_terms(setup, plane, stairs),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
+            lines=stairs and staircase_lines(setup, stairs, grid, system),
         )
-        cells.inside[0] = start_density(plane, scene)
+        density = start_density(plane, scene)
+        if stairs is not None:
+            density = require_start_in_fluid(scene, stairs.cells.inside, plane, density)
+        cells.inside[0] = density
         if cells.system.carried_angle:
             cells.fill(MEAN_ANGLE, self._forces.start_angle)
         for component, value in self.start_values(setup, cells.inside[0]).items():
@@ -129,7 +147,9 @@ class RGridEquation(CellModel):
         return {"y": self.grid.plane.y, "x": self.grid.plane.x}
 
 
-def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None, WallTable | None]:
+def _scene_interaction(
+    setup: Setup, grid: Grid, stairs: Staircase | None
+) -> tuple[GridInteraction | None, WallTable | CurvedWalls | None]:
     scene = setup.scene
     if scene.interaction is None:
         return None, None
@@ -145,5 +165,6 @@ def _scene_interaction(setup: Setup, grid: Grid) -> tuple[GridInteraction | None
         periods=periodic_axes(scene),
     )
     walls = scene_walls(scene, shape)
-    table = walls.table(grid.cell) if walls is not None else None
-    return interaction, table
+    if walls is None:
+        return interaction, None
+    return interaction, curved_walls(scene, stairs, grid, walls) or walls.table(grid.cell)

@@ -50,8 +50,8 @@ from ellipsoid_coupling.finite_volume.fluxes.contract import (
 
 ORDER = 2
 
-_DENSITY_LIMIT = 2.0
-_ADVECTED_LIMIT = 1.5
+DENSITY_LIMIT = 2.0
+ADVECTED_LIMIT = 1.5
 # An extremum that bends by less than this part - of the density, of a cell in a step, of a radian - is
 # smooth and not flattened. Flattening costs an order: without pressure an error of the velocity becomes
 # its derivative in the density. Grids of more cells than `_COARSE` along the domain's longer side, or of
@@ -59,7 +59,7 @@ _ADVECTED_LIMIT = 1.5
 _SMOOTH = 0.05
 _COARSE = 64
 # A factor: in strict floating point a division by 12 stays one.
-_TWELFTH = 1.0 / 12.0
+TWELFTH = 1.0 / 12.0
 
 
 class Ballistic(NamedTuple):
@@ -105,7 +105,7 @@ def limited(low: float, high: float, factor: float, bend: float) -> float:
 
 
 @inline_kernel
-def _advected_slope(
+def advected_slope(
     before: float, here: float, after: float, empty_before: bool, empty_after: bool, bend: float
 ) -> float:
     """The limited slope of a advected quantity; one-sided beside vacuum, zero between two vacuums."""
@@ -113,11 +113,11 @@ def _advected_slope(
     high = after - here
     low = high if empty_before else low
     high = low if empty_after else high
-    return 0.0 if empty_before and empty_after else limited(low, high, _ADVECTED_LIMIT, bend)
+    return 0.0 if empty_before and empty_after else limited(low, high, ADVECTED_LIMIT, bend)
 
 
 @inline_kernel
-def _advected_outflow(
+def advected_outflow(
     masses: tuple[float, float],
     arms: tuple[float, float],
     inverse: tuple[float, float, float],
@@ -131,7 +131,7 @@ def _advected_outflow(
     masses : of what leaves; arms : how much of the slope leaves with it.
     """
     value = here * inverse[1]
-    change = _advected_slope(
+    change = advected_slope(
         below * inverse[0], value, above * inverse[2], inverse[0] == 0.0, inverse[2] == 0.0, bend
     )
     return fma(masses[0], value, change * arms[0]), fma(masses[1], value, change * arms[1])
@@ -143,12 +143,12 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     below, here, above, inverse = stencil.below, stencil.here, stencil.above, stencil.inverse
     density = here[DENSITY]
     low, high = density - below[DENSITY], above[DENSITY] - density
-    slope = limited(low, high, _DENSITY_LIMIT, flux.bends[0] * density)
+    slope = limited(low, high, DENSITY_LIMIT, flux.bends[0] * density)
     # Distance of the centre of mass from the centre, times the density.
-    twelfth = _TWELFTH * slope
+    twelfth = TWELFTH * slope
     centre = twelfth * inverse[1]
     v = here[ALONG] * inverse[1]
-    dv = _advected_slope(
+    dv = advected_slope(
         below[ALONG] * inverse[0],
         v,
         above[ALONG] * inverse[2],
@@ -170,7 +170,7 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     arm_up = fma(twelfth, upper * upper * upper, up * (middle_up - centre))
     arm_down = fma(twelfth, lower * lower * lower, -down * (middle_down + centre))
     advected_up, advected_down = map_fields(
-        _advected_outflow,
+        advected_outflow,
         ((up, down), (arm_up, arm_down), inverse),
         (below[1:], here[1:], above[1:], flux.bends[1:]),
     )

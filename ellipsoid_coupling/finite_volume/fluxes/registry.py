@@ -18,6 +18,11 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.fluxes.ballistic import Ballistic
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux
 from ellipsoid_coupling.finite_volume.fluxes.force import Force
+from ellipsoid_coupling.finite_volume.fluxes.in_fluid import (
+    BallisticInFluid,
+    FluidMotion,
+    ForceInFluid,
+)
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import Kinetic
 from ellipsoid_coupling.physics.closure import Pressure
 
@@ -40,6 +45,8 @@ class Transported(NamedTuple):
         The density up to which a cell counts as empty.
     tilt : (cells,) float64 or None
         For fluxes that balance forces: e^{g/2} of the work g from each cell's centre to the next one's.
+    fluid : FluidMotion or None
+        On staircases what the fluid does at the cells' faces, for fluxes that keep even densities even.
     """
 
     pressure: Pressure
@@ -47,6 +54,7 @@ class Transported(NamedTuple):
     smooth: float
     vacuum: float
     tilt: Floats | None = None
+    fluid: FluidMotion | None = None
 
 
 FluxMaker = Callable[[Transported], Flux]
@@ -122,12 +130,20 @@ def flux_named(name: str, pressure: Pressure, balanced: bool, where: str) -> Flu
     return _fluxes[name].make
 
 
-register_flux_name(
-    "force", lambda moved: Force(moved.pressure, moved.vacuum), carries_pressure=True
-)
-register_flux_name(
-    "ballistic", lambda moved: Ballistic(moved.bends, vacuum=moved.vacuum), carries_pressure=False
-)
+def _force(moved: Transported) -> Force | ForceInFluid:
+    if moved.fluid is None:
+        return Force(moved.pressure, moved.vacuum)
+    return ForceInFluid(moved.pressure, moved.fluid, moved.vacuum)
+
+
+def _ballistic(moved: Transported) -> Ballistic | BallisticInFluid:
+    if moved.fluid is None:
+        return Ballistic(moved.bends, vacuum=moved.vacuum)
+    return BallisticInFluid(moved.bends, moved.fluid, vacuum=moved.vacuum)
+
+
+register_flux_name("force", _force, carries_pressure=True)
+register_flux_name("ballistic", _ballistic, carries_pressure=False)
 
 
 def _kinetic(moved: Transported) -> Kinetic:

@@ -18,12 +18,15 @@ from ellipsoid_coupling.geometry.boundaries.contract import (
     DENSITY,
     OTHERS,
     Place,
+    Seen,
     at_side,
     ghost,
+    ghost_of,
     inflow_speed,
     make_kind,
     register_boundary,
 )
+from ellipsoid_coupling.geometry.boundaries.inlet import Inlet
 from ellipsoid_coupling.geometry.boundaries.periodic import Periodic
 from ellipsoid_coupling.geometry.boundaries.reflect import Reflect
 from ellipsoid_coupling.geometry.boundaries.remove import Remove
@@ -37,15 +40,19 @@ __all__ = [
     "DENSITY",
     "OTHERS",
     "Boundaries",
+    "Inlet",
     "Periodic",
     "Place",
     "Reflect",
     "Remove",
+    "Seen",
     "Stick",
     "at_side",
     "box_of_sides",
     "everywhere",
     "ghost",
+    "ghost_of",
+    "make_kind",
     "periodic_axes",
     "register_boundary",
     "scene_boundaries",

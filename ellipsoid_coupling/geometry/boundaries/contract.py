@@ -23,7 +23,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ellipsoid_coupling.compiled.algebra import Values
-from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
+from ellipsoid_coupling.compiled.dispatch import chosen_by_type, compile_choice, register_formula
+from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.scenes.sides import AtSide, KindKeys, declare_kind
 
 # Where things stand in a cell, seen from a side. What follows is the same whichever side it is: the
@@ -32,11 +33,17 @@ DENSITY, ALONG, ACROSS, OTHERS = range(4)
 
 
 class Place(NamedTuple):
-    """The middle of a ghost's face on the side, and the angle of its plane (0 on an r-grid)."""
+    """The middle of a ghost's face on the side, and the angle of its plane (0 on an r-grid).
+
+    carried : (K,) what the fluid carries of a density 1 through this face, in the order of a cell: 1 (of
+    the plane's angle its part), its velocity along and across, and whatever else is transported; ()
+    where the grid does not ask for it, see `finite_volume.fluid_lines`.
+    """
 
     x: float
     y: float
     angle: float
+    carried: Values = ()
 
 
 @chosen_by_type
@@ -58,6 +65,29 @@ def ghost(kind: Any, edge: Values, image: Values, normal: float, t: float, place
     place : Place
     """
     raise NotImplementedError
+
+
+class Seen(NamedTuple):
+    """The arguments of `ghost` but the kind."""
+
+    edge: Values
+    image: Values
+    normal: float
+    t: float
+    place: Place
+
+
+@inline_kernel
+def _ghost_seen(kind: Any, seen: Seen) -> Values:
+    return ghost(kind, seen.edge, seen.image, seen.normal, seen.t, seen.place)
+
+
+def ghost_of(kinds: tuple[Any, ...], number: int, seen: Seen) -> Values:
+    """What a ghost cell of kind number `number` holds; see `ghost`."""
+    return _ghost_seen(kinds[number], seen)
+
+
+compile_choice(ghost_of, _ghost_seen)
 
 
 # The type of each kind, by name; what particles do there and how fast mass comes in, by type.

@@ -27,7 +27,8 @@ def export(
 
         fields.pvd      one .vti a time; cell data density, mean_angle, orientation, velocity,
                         angular_velocity (and alignment for the q equations, which are integrated
-                        over the angle; mean_angle is then the mean on the circle)
+                        over the angle; mean_angle is then the mean on the circle); with a flow
+                        that patches bound, cells in solids are hidden
 
     and a particle result
 
@@ -75,7 +76,7 @@ def export(
         save_series(particle_ellipses(result, realisation or 0), folder, "ellipses", ".vtp")
         save_series(histogram_images(result, HISTOGRAM_CELLS), folder, "histogram", ".vti")
     else:
-        save_series(grid_images(result), folder, "fields", ".vti")
+        save_series(grid_images(result, flow), folder, "fields", ".vti")
     if flow is not None:
         export_flow(flow, result.scene, folder, result)
     return folder

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.fluid_cells import fluid_cells
+from ellipsoid_coupling.geometry.patches import is_outlined
 from ellipsoid_coupling.output.paraview.series import vectors
 from ellipsoid_coupling.result import Result
 
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Interval = tuple[float, float]
 
+# VTK's vtkDataSetAttributes::HIDDENCELL.
+HIDDEN_CELL = 32
 # Below this part of the largest density, velocity and angle are those of nothing: written as 0.
 VACUUM = 1e-12
 
@@ -40,12 +45,30 @@ def cell_image(
     return image
 
 
-def grid_images(result: Result) -> Iterator[tuple[float, pyvista.ImageData]]:
-    """(time, image) of a "rho" or "q" result; see `grid_fields` for the arrays."""
+def grid_images(
+    result: Result, flow: FlowField | None = None
+) -> Iterator[tuple[float, pyvista.ImageData]]:
+    """(time, image) of a "rho" or "q" result; see `grid_fields` for the arrays.
+
+    With a flow that patches bound, cells in solids are hidden: ParaView draws nothing there.
+    """
     domain = result.scene.domain
+    hidden = _hidden(result, flow)
     for index, time in enumerate(result.times):
         fields = grid_fields(result, index)
-        yield float(time), cell_image(domain.x, domain.y, fields["density"].shape, fields)
+        image = cell_image(domain.x, domain.y, fields["density"].shape, fields)
+        if hidden is not None:
+            image.cell_data["vtkGhostType"] = hidden
+        yield float(time), image
+
+
+def _hidden(result: Result, flow: FlowField | None) -> NDArray[np.uint8] | None:
+    """VTK's mark of cells that are not in the fluid, (ny * nx,), x running fastest; None of a rectangle."""
+    if flow is None or not is_outlined(result.scene, flow):
+        return None
+    x, y = result.coordinates["x"], result.coordinates["y"]
+    cells = fluid_cells(flow.outline, x, y, result.scene.domain.width / x.size)
+    return np.where(cells.inside, 0, HIDDEN_CELL).astype(np.uint8).ravel()
 
 
 def histogram_images(result: Result, cells: int) -> Iterator[tuple[float, pyvista.ImageData]]:

@@ -1,0 +1,183 @@
+"""The fluid's velocities at the faces of a staircase, whose sum over each cell's faces vanishes.
+
+What flows through a face is the difference of psi at its corners, which makes the sum 0 to rounding; and
+psi is one constant on all corners of a closed wall, so that nothing flows through its stairs:
+
+      o---o---o---o       o   psi at the corner itself, all of whose faces are open
+      |   |   *   |       *   psi at the nearest point of the outline, of a wall its mean value
+      o---o---*###*
+      |   |   *###*
+
+Corners on sides of the domain that no outline closes keep their own psi.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ellipsoid_coupling.compiled.simd_vectors import DOUBLES
+from ellipsoid_coupling.finite_volume.fluid_lines import HIGH, LOW, Ends, LineTable
+from ellipsoid_coupling.finite_volume.fluxes.in_fluid import FluidMotion
+from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.stream_values import stream_values
+from ellipsoid_coupling.geometry.boundaries import Inlet, at_side
+from ellipsoid_coupling.geometry.fluid_cells import FluidCells, nearest_edges
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+# A wall whose psi varies by more than this part of all psi is none: fluid crosses it.
+_TIGHT = 0.05
+# Of an edge's length: ends so near to one another are one point.
+_SAME_POINT = 1e-6
+
+
+def corner_values(flow: FlowField, cells: FluidCells, ends: Ends, grid: Grid) -> Floats:
+    """Psi at the corners of cells, (ny + 1, nx + 1); see the module."""
+    x, y = np.meshgrid(grid.x_edges, grid.y_edges)
+    psi = stream_values(flow.arrays, x, y)
+    if flow.outline is None or not len(flow.outline.ends):
+        return psi
+    at_outline = _touched(cells)
+    points = np.stack((x[at_outline], y[at_outline]), axis=-1)
+    nearest = nearest_edges(flow.outline, points, _fluid_beside(cells, grid)[at_outline])
+    values = stream_values(flow.arrays, nearest.foot[:, 0], nearest.foot[:, 1])
+    walls = _wall_values(flow, ends)[nearest.edge]
+    psi[at_outline] = np.where(np.isnan(walls), values, walls)
+    return psi
+
+
+def _touched(cells: FluidCells) -> Flags:
+    """The corners of faces that the outline closes, (ny + 1, nx + 1)."""
+    ny, nx = cells.inside.shape
+    touched = np.zeros((ny + 1, nx + 1), bool)
+    for faces, axis in ((cells.x, 1), (cells.y, 0)):
+        for owner, shift in ((faces.lower, 0), (faces.upper, 1)):
+            j, i = np.nonzero(owner >= 0)
+            if axis == 1:
+                touched[j, i + shift] = touched[j + 1, i + shift] = True
+            else:
+                touched[j + shift, i] = touched[j + shift, i + 1] = True
+    return touched
+
+
+def _fluid_beside(cells: FluidCells, grid: Grid) -> Floats:
+    """For every corner the mean centre of those cells around it that lie in the fluid, (.., 2)."""
+    inside = np.pad(cells.inside, 1).astype(np.float64)
+    x, y = np.meshgrid(grid.x_edges, grid.y_edges)
+    parts = (
+        (inside[:-1, :-1], -1, -1), (inside[:-1, 1:], 1, -1),
+        (inside[1:, :-1], -1, 1), (inside[1:, 1:], 1, 1),
+    )  # fmt: skip
+    count = np.maximum(sum(part[0] for part in parts), 1.0)
+    half = 0.5 * grid.cell
+    middle = [half * sum(part[0] * part[axis] for part in parts) / count for axis in (1, 2)]
+    return np.stack((x + middle[0], y + middle[1]), axis=-1)
+
+
+def _wall_values(flow: FlowField, ends: Ends) -> Floats:
+    """The mean psi of the connected wall that an edge is part of, (E,); NaN of edges that are no wall."""
+    outline = flow.outline
+    assert outline is not None
+    wall = ends.reflects(ends.edge) | np.isin(
+        outline.patch, [k for k, kind in enumerate(outline.types) if kind == "wall"]
+    )
+    values = np.full(len(wall), np.nan)
+    edges = np.flatnonzero(wall)
+    if edges.size == 0:
+        return values
+    part = _connected(outline.ends[edges])
+    at_ends = stream_values(flow.arrays, outline.ends[edges, :, 0], outline.ends[edges, :, 1])
+    length = outline.lengths()[edges]
+    mean = np.bincount(part, length * at_ends.mean(axis=1)) / np.bincount(part, length)
+    far = np.zeros(mean.size)
+    np.maximum.at(far, part, np.abs(at_ends - mean[part][:, None]).max(axis=1))
+    spread = float(np.ptp(flow.arrays.coefficients))
+    values[edges] = np.where(far[part] <= _TIGHT * spread, mean[part], np.nan)
+    return values
+
+
+def _connected(ends: Floats) -> Indices:
+    """Which connected line each edge (n, 2, 2) is part of, (n,)."""
+    unit = _SAME_POINT * max(float(np.ptp(ends.reshape(-1, 2), axis=0).max()), 1e-300)
+    points = np.round(ends.reshape(-1, 2) / unit).astype(np.int64)
+    _, number = np.unique(points, axis=0, return_inverse=True)
+    start, stop = number.reshape(-1, 2).T
+    count = int(number.max()) + 1
+    graph = coo_array((np.ones(start.size), (start, stop)), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    return np.asarray(np.unique(part[start], return_inverse=True)[1])
+
+
+class CellFaces:
+    """The fluid's velocity at both faces of every cell along one axis, (2, ny, nx); 0 where no fluid is."""
+
+    def __init__(
+        self, corners: Floats, cells: FluidCells, ends: Ends, cell: float, axis: int
+    ) -> None:
+        change = np.diff(corners, axis=0) if axis == -1 else -np.diff(corners, axis=1)
+        change = change / cell
+        low = change[:, :-1] if axis == -1 else change[:-1]
+        high = change[:, 1:] if axis == -1 else change[1:]
+        faces, sides = (cells.x, (0, 1)) if axis == -1 else (cells.y, (2, 3))
+        self.boundary = [ends.of_faces(faces.lower, sides[0]), ends.of_faces(faces.upper, sides[1])]
+        walls = [ends.reflects(found) for found in self.boundary]
+        self.values = np.stack([np.where(walls[0], 0.0, low), np.where(walls[1], 0.0, high)])
+        self.values *= cells.inside
+
+    @property
+    def mean(self) -> Floats:
+        """In the middle of the cells, (ny, nx)."""
+        return np.asarray(self.values.mean(axis=0))
+
+    @property
+    def fastest(self) -> float:
+        """The largest velocity by which a cell empties through both faces."""
+        low, high = self.values
+        return float((np.maximum(high, 0.0) + np.maximum(-low, 0.0)).max(initial=0.0))
+
+
+def line_motion(
+    faces: Floats, table: LineTable, kinds: tuple[object, ...], axis: int
+) -> FluidMotion:
+    """The face velocities (2, ny, nx) of cells along an axis in arrays of all lines, ghosts included.
+
+    A ghost's fluid follows from that of its image as its contents do: mirrored where particles turn round
+    or the fluid comes in, copied where they leave; behind an inlet it is that of the face.
+    """
+    by_row = faces if axis == -1 else faces.transpose(0, 2, 1)
+    line, place = table.places()
+    row = table.rows[line]
+    # Whole vectors are read beyond the last line.
+    pairs = np.zeros((2, table.size + 2 * DOUBLES))
+    pairs[:, table.slots()] = by_row[:, row, place]
+    for number in range(table.length.size):
+        _set_ghosts(pairs, table, number, kinds)
+    return FluidMotion(pairs[0], pairs[1], 0.0, 0.0)
+
+
+def _set_ghosts(pairs: Floats, table: LineTable, number: int, kinds: tuple[object, ...]) -> None:
+    first = table.slot[number] + GHOSTS
+    last = first + table.length[number] - 1
+    for end, edge, inwards in ((LOW, first, 1), (HIGH, last, -1)):
+        other = last if end == LOW else first
+        kind = kinds[table.kind[number, end]]
+        through = pairs[end, edge]
+        for layer in range(GHOSTS):
+            image = edge + inwards * min(layer, int(table.length[number]) - 1)
+            to = edge - inwards * (layer + 1)
+            if table.ring[number]:
+                pairs[:, to] = pairs[:, other - inwards * layer]
+            elif at_side(kind) == "reflect":
+                pairs[:, to] = -pairs[::-1, image]
+            elif through * inwards <= 0.0:
+                pairs[:, to] = pairs[:, edge]
+            elif isinstance(kind, Inlet):
+                pairs[:, to] = through
+            else:
+                pairs[:, to] = -pairs[::-1, image]

@@ -23,6 +23,7 @@ from ellipsoid_coupling.finite_volume.fluxes.contract import VACUUM, Flux, in_or
 from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.kick import Kick, dampings, exact_kick
+from ellipsoid_coupling.finite_volume.moving_tables import MovingTables
 from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
 from ellipsoid_coupling.finite_volume.sources import Cells, Limit, Work, acceleration, treat
@@ -72,8 +73,10 @@ class CellFields:
         What has left through open boundaries, in units of a cell's density.
     forces : Forces, AngleForces or None
         Of interaction and walls, as last found.
-    time : float
-        At the start of the step.
+    tables : MovingTables or None
+        What brings `terms` to a time; None where they do not change.
+    time, after : float
+        At the start of the step, and at its end.
     """
 
     system: System
@@ -82,6 +85,7 @@ class CellFields:
     ghosts: GhostTable
     cfl: float
     find_forces: Callable[[CellFields], Forces | AngleForces | None]
+    tables: MovingTables | None = None
     fields: Floats = field(init=False)
     drift: Floats = field(init=False)
     extents: Extents = field(init=False)
@@ -89,6 +93,7 @@ class CellFields:
     outflow: Floats = field(init=False)
     forces: Forces | AngleForces | None = field(init=False, default=None)
     time: float = field(init=False, default=0.0)
+    after: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         require_formula(cell_pressure, self.system.pressure)
@@ -205,8 +210,19 @@ class CellFields:
         """Whether F and F_bar are kept from where they are evaluated on."""
         return not self.grid.angle_resolved
 
+    def begin_step(self, time: float, after: float) -> None:
+        """A step from one time to another; `terms` are those of its start."""
+        self.time, self.after = time, after
+        self.set_terms(time)
+
+    def set_terms(self, t: float) -> None:
+        """Bring `terms` to the time t."""
+        if self.tables is not None:
+            self.tables.set(t)
+
     def update_forces(self) -> None:
-        """Set `forces` to interaction and walls at the present fields."""
+        """Set `forces` to interaction and walls at the present fields, and `terms` to the step's end."""
+        self.set_terms(self.after)
         # Not both at once: those of before are as large.
         self.forces = None
         self.forces = self.find_forces(self)

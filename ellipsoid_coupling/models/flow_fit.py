@@ -57,6 +57,8 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     """Refuse a flow without [flow], [flow] without a flow, names of no patch, and walls that are none.
 
+    Of a flow at several times each of them is looked at.
+
     Raises
     ------
     InputError
@@ -70,6 +72,12 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     require_patches(scene, () if outline is None else outline.names)
     if flow is None:
         return
+    for field in flow.steady_fields():
+        _require_edges(scene, field)
+
+
+def _require_edges(scene: Scene, flow: FlowField) -> None:
+    """Refuse a flow that is not the same on two periodic sides, and walls that are none."""
     _require_periodic(scene, flow)
     if math.isinf(flow.bounds[0]):
         return
@@ -152,7 +160,7 @@ def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Flo
     """
     if flow is None:
         return
-    outside = ~flow.evaluate(x, y).inside
+    outside = ~flow.at(0.0).evaluate(x, y).inside
     if outside.any():
         first = float(x[outside][0]), float(y[outside][0])
         raise InputError(

@@ -157,7 +157,7 @@ class ParticleModel(ABC):
             current[name][...] = array
         place, frozen, flow = self._state.place, self._state.frozen, self._setup.flow
         if frozen is not None and flow is not None:
-            frozen[...] = ~flow.evaluate(place[:, 0], place[:, 1]).inside
+            frozen[...] = ~flow.at(self.time).evaluate(place[:, 0], place[:, 1]).inside
 
     def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""
@@ -328,7 +328,7 @@ def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     x, y = float(place[0, i]), float(place[1, i])
     scene, fluid = setup.scene, np.zeros(2)
     if setup.flow is not None and scene.flow is not None:
-        sample = setup.flow.evaluate(x, y)
+        sample = setup.flow.at(float(state.clock[:, TIME].min())).evaluate(x, y)
         fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
     outer = np.array(outer_force(scene.outer_potential, x, y))
     terms = {

@@ -32,7 +32,7 @@ from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteract
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
-from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_moving_tables, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.models.summation import q_tolerance
@@ -56,10 +56,12 @@ class QEquation(CellModel):
         scene, system = setup.scene, self.system(setup)
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
+        terms = scene_cell_terms(setup, grid.plane)
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, grid.plane),
+            terms=terms,
+            tables=scene_moving_tables(setup, grid.plane, terms),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(

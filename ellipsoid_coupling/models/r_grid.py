@@ -20,7 +20,7 @@ from ellipsoid_coupling.interaction import GridInteraction, WallTable, choose_in
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
-from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_moving_tables, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -45,10 +45,12 @@ class RGridEquation(CellModel):
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
         self._forces = MeanAngleForces(*_scene_interaction(setup, plane), start_angle(plane, scene))
+        terms = scene_cell_terms(setup, plane)
         cells = CellFields(
             system=self.system(setup),
             grid=RGrid(plane),
-            terms=scene_cell_terms(setup, plane),
+            terms=terms,
+            tables=scene_moving_tables(setup, plane, terms),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,

@@ -91,7 +91,7 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
     Raises InputError if the folder is missing or no case, if nothing has been solved, if the mesh is
     not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
     """
-    case, wanted = _located(folder)
+    case, wanted = located(folder)
     chosen = choose_time(case, wanted)
     solution = read_solution(chosen.places)
     if chosen.only_start and solution.velocity.uniform:
@@ -130,7 +130,7 @@ def _error(where: Path, expected: str, found: str, remedy: str) -> InputError:
     return InputError(str(where), expected, found, remedy)
 
 
-def _located(path: Path) -> tuple[Path, str | None]:
+def located(path: Path) -> tuple[Path, str | None]:
     """The case that a path means, and the time, if it names one; InputError if it means none."""
     case, wanted = path, None
     if path.suffix in _CASE_FILES:

@@ -41,6 +41,8 @@ Array = NDArray[np.float64]
 # The flow that repeats may differ at both ends of the period by this part of its largest coefficient's
 # size, rms over rms: a vortex street's period seldom is a whole number of folders.
 LARGEST_JUMP = 0.05
+# Such a difference is not told.
+_ROUNDING = 1e-9
 
 
 class _Scratch:
@@ -292,7 +294,7 @@ class _Writer:
                 "Choose times of a whole period; --allow-misfit (allow_misfit=True) takes it as it is.",
             )  # fmt: skip
         self._origin += f", repeated every {period:g}"
-        if jump > 0.0:
+        if jump > _ROUNDING:
             self._origin += f" (its U then is {100.0 * jump:.2g} % off)"
 
 

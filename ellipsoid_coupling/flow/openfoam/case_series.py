@@ -90,6 +90,8 @@ def _read_series(
         repeat=when.repeat,
         allow_jump=allow_misfit,
     )
+    if report is not None:
+        report(f"reading time {series.names[-1]}", 1.0)
     if len(set(flow.digests)) > 1:
         return flow
     # Nothing changes: a run need not stop at these times.
@@ -112,5 +114,3 @@ class _Reading(NamedTuple):
             if self.report is not None:
                 self.report(f"reading time {name}", number / len(names))
             yield read_case(self.case / name, allow_misfit=self.allow_misfit)
-        if self.report is not None:
-            self.report(f"reading time {names[-1]}", 1.0)

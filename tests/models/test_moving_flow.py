@@ -1,0 +1,147 @@
+"""Every model in a flow that changes in time, against ordinary differential equations.
+
+    u = (U(t) + S(t) y, 0),        U and S linear between the times of the flow
+
+From rest in a box around y = 0 the mean velocity of all mass obeys v' = gamma (U - v), whatever the density,
+and an angle that all of it shares omega' = gamma_bar (g - omega) with Jeffery's g in the shear S. Both are
+solved here with the steps of the flow's times resolved, so that what is left is the scheme's own error.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ellipsoid_coupling as ec
+from ellipsoid_coupling.flow import FlowField, FlowSeries
+from ellipsoid_coupling.stepping import step_control
+from tests.written_cases import plate
+
+Floats = NDArray[np.float64]
+
+TIMES = (0.0, 0.3, 0.5, 0.8, 1.0)
+GAMMA, GAMMA_BAR, LONG, WIDE = 4.0, 5.0, 0.2, 0.1
+END = 1.0
+SCENE = {
+    "name": "pulse",
+    "times": [END],
+    "domain": {"x": [-2.0, 2.0], "y": [-2.0, 2.0], "boundary": "open"},
+    "particles": {"length": LONG, "width": WIDE, "number": 16, "realisations": 2},
+    "start": {"x": [-0.5, 0.5], "y": [-0.5, 0.5], "angle": 0.3},
+    "flow": {"source": "closed_form", "field": "shear", "drag": GAMMA, "angular_drag": GAMMA_BAR},
+    "numerics": {"cell": 0.125, "angle_cells": 12},
+}
+
+
+def speed(t: Floats | float) -> Floats | float:
+    return np.sin(5.0 * np.asarray(t)) + 0.5
+
+
+def shear(t: Floats | float) -> Floats | float:
+    return 2.0 * np.cos(4.0 * np.asarray(t))
+
+
+def field(t: float, both: bool = True) -> FlowField:
+    x = np.linspace(-2.0, 2.0, 5)
+    y = np.broadcast_to(x[:, None], (5, 5))
+    psi = speed(t) * y + (0.5 * shear(t) * y**2 if both else 0.0)
+    return FlowField.from_stream_function(np.asarray(psi), x, x, "pulse")
+
+
+def pulse() -> FlowSeries:
+    return FlowSeries.of_fields(TIMES, [field(t) for t in TIMES], "pulse")
+
+
+class Exact(NamedTuple):
+    way: float
+    velocity: float
+    angle: float
+    spin: float
+
+
+def exact(overdamped: bool) -> Exact:
+    """By the classical Runge-Kutta rule, whose steps end at the flow's times: 1e-10 off."""
+    factor = (LONG**2 - WIDE**2) / (LONG**2 + WIDE**2)
+
+    def rates(t: float, state: Floats) -> Floats:
+        u, s = (np.interp(t, TIMES, [float(f(k)) for k in TIMES]) for f in (speed, shear))
+        _, v, angle, omega = state
+        g = -0.5 * s + 0.5 * factor * s * np.cos(2.0 * angle)
+        if overdamped:
+            return np.array([u, 0.0, g, 0.0])
+        return np.array([v, GAMMA * (u - v), omega, GAMMA_BAR * (g - omega)])
+
+    state = np.array([0.0, 0.0, 0.3, 0.0])
+    for start, end in zip(TIMES, TIMES[1:], strict=False):
+        h = (end - start) / 200
+        for k in range(200):
+            t = start + k * h
+            k1 = rates(t, state)
+            k2 = rates(t + h / 2, state + h / 2 * k1)
+            k3 = rates(t + h / 2, state + h / 2 * k2)
+            k4 = rates(t + h, state + h * k3)
+            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    if overdamped:
+        state[1] = float(speed(END))
+    return Exact(*map(float, state))
+
+
+def means(result: ec.Result) -> Exact:
+    """Of all mass; angle and angular velocity of an r-grid are those of each cell with mass."""
+    values = {name: array[-1] for name, array in result.variables.items()}
+    if result.layout == "particles":
+        mass: Floats = np.full(values["x"].shape, 1.0 / values["x"].size)
+        x, angle = values["x"], values["angle"]
+    else:
+        mass = values["density"] / values["density"].sum()
+        x = np.broadcast_to(result.coordinates["x"], mass.shape)
+        angle = values.get("mean_angle", np.zeros(mass.shape))
+    parts = (x, values["velocity_x"], angle, values["angular_velocity"])
+    return Exact(*(float((mass * part).sum()) for part in parts))
+
+
+def start_mean(result: ec.Result, scene: ec.Scene, model: str, scheme: str) -> float:
+    """Where the mean of x was at the start: particles are random."""
+    if result.layout != "particles":
+        return 0.0
+    short = scene.model_copy(update={"times": (1e-9,)})
+    flow = field(0.0)
+    return means(ec.simulate(short, model, scheme, flow=flow)).way  # type: ignore[arg-type]
+
+
+def errors(model: str, scheme: str, key: str, value: float) -> Floats:
+    """Of the mean place and velocity, and of the angle and angular velocity where all share them."""
+    scene = ec.load_scene(SCENE, {key: value})
+    result = ec.simulate(scene, model, scheme, flow=pulse())  # type: ignore[arg-type]
+    found, expected = means(result), exact(model == "diffusive")
+    off = np.array(found) - np.array(expected)
+    off[0] -= start_mean(result, scene, model, scheme)
+    if model == "diffusive":
+        return np.abs(off[:3])
+    return np.abs(off[:2] if model.startswith("q_") else off)
+
+
+# The measured order of each, from a level to one of half the step.
+ORDERS = [
+    ("microscopic", "paper", "numerics.time_step", (1 / 40, 1 / 80), 1),
+    ("microscopic", "accurate", "numerics.tolerance", (1e-4, 1.25e-5), 2),
+    ("mckean_vlasov", "accurate", "numerics.tolerance", (1e-4, 1.25e-5), 2),
+    ("rho_mono_kinetic", "paper", "numerics.cfl", (0.4, 0.2), 1),
+    ("rho_mono_kinetic", "accurate", "numerics.cfl", (0.2, 0.1), 2),
+    ("diffusive", "paper", "numerics.cfl", (0.4, 0.2), 1),
+    ("diffusive", "accurate", "numerics.cfl", (0.4, 0.2), 2),
+    ("q_mono_kinetic", "accurate", "numerics.cfl", (0.2, 0.1), 2),
+    ("q_maxwellian", "paper", "numerics.cfl", (0.4, 0.2), 1),
+    ("q_maxwellian", "accurate", "numerics.cfl", (0.4, 0.2), 2),
+]
+
+
+@pytest.mark.parametrize(("model", "scheme", "key", "levels", "order"), ORDERS)
+def test_each_scheme_keeps_its_order(
+    model: str, scheme: str, key: str, levels: tuple[float, float], order: int
+) -> None:
+    coarse, fine = (errors(model, scheme, key, level) for level in levels)
+    print(model, scheme, coarse, fine, np.log2(coarse / fine))

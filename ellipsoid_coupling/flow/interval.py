@@ -33,14 +33,16 @@ class Interval(NamedTuple):
 
     Attributes
     ----------
-    first, last : FlowArrays
-        At t_0 and t_1; they differ in their coefficients alone.
+    first : FlowArrays
+        At t_0.
+    last : (ny+3, nx+3) float64
+        The coefficients at t_1; all else is the same.
     span : (3,) float64
         t_0, t_1 and 1/(t_1 - t_0).
     """
 
     first: FlowArrays
-    last: FlowArrays
+    last: Array
     span: Array
 
 
@@ -85,9 +87,10 @@ def _sample_steady(
 @inline_kernel
 def _sample_between(flow: Interval, t: float, x: float, y: float) -> Sample:
     s = part_of(flow.span, t)
-    # The compiler finds the weights of the place once for both.
+    # Of the same numbers, so that the compiler finds the weights of the place once for both.
+    last = FlowArrays(flow.last, *flow.first[1:])
     ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow.first, x, y)
-    later_ux, later_uy, later_xx, later_xy, later_yx, _ = sample_flow(flow.last, x, y)
+    later_ux, later_uy, later_xx, later_xy, later_yx, _ = sample_flow(last, x, y)
     return (
         between(s, ux, later_ux),
         between(s, uy, later_uy),
@@ -136,7 +139,8 @@ class MovingFlow(FlowField):
     def at(self, t: float) -> FlowField:
         """The flow at a time of the interval; beyond it, at its nearest end."""
         first, last, span = self.interval
-        return FlowField(mixed(plain(part_of)(span, t), first, last), self.origin, self.outline)
+        mean = blend(float(plain(part_of)(span, t)), first.coefficients, last)
+        return FlowField(first._replace(coefficients=mean), self.origin, self.outline)
 
     def steady_fields(self) -> Iterator[FlowField]:
         """The flow at the interval's start."""
@@ -154,11 +158,6 @@ def without_a_time() -> RunError:
         "A flow that changes in time was asked for its velocity without a time. Take "
         "flow.at(t).evaluate(x, y); in a model's kernels, flow.in_time of its Setup."
     )
-
-
-def mixed(part: float, first: FlowArrays, last: FlowArrays) -> FlowArrays:
-    """The arrays at a part of an interval; see `between`."""
-    return first._replace(coefficients=blend(part, first.coefficients, last.coefficients))
 
 
 def blend(part: float, first: Array, last: Array) -> Array:

@@ -88,9 +88,8 @@ class SeriesWindow(Window):
         self._reader = ThreadPoolExecutor(1, "read-ahead")
         self._ahead: Future[Array] | None = None
         self._number = series.interval_at(t)
-        first, last = (
-            series.arrays._replace(coefficients=self._read(self._number + k)) for k in (0, 1)
-        )
+        first = series.arrays._replace(coefficients=self._read(self._number))
+        last = self._read(self._number + 1)
         self._interval = Interval(first, last, np.zeros(3))
         self._set_span()
         self.field = MovingFlow(
@@ -115,13 +114,13 @@ class SeriesWindow(Window):
         first, last, _ = self._interval
         ahead, self._ahead = self._ahead, None
         if number == self._number + 1 and ahead is not None:
-            np.copyto(first.coefficients, last.coefficients)
-            np.copyto(last.coefficients, self._result(ahead, number + 1))
+            np.copyto(first.coefficients, last)
+            np.copyto(last, self._result(ahead, number + 1))
             ahead = None
         else:
             ahead = None  # let go before others are read
             np.copyto(first.coefficients, self._read(number))
-            np.copyto(last.coefficients, self._read(number + 1))
+            np.copyto(last, self._read(number + 1))
         self._number = number
         self._set_span()
         self._read_ahead()

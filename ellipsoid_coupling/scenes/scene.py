@@ -34,6 +34,7 @@ from ellipsoid_coupling.scenes.sides import (
 )
 from ellipsoid_coupling.scenes.values import (
     Count,
+    FlowTime,
     Interval,
     Line,
     NotNegative,
@@ -220,7 +221,7 @@ class Flow(Part):
     field: PathText | None = None
     case: PathText | None = None
     cells: Count = 100
-    time: Literal["latest", "all"] | Number | Interval = "latest"
+    time: FlowTime = "latest"
     repeat: bool = False
     drag: NotNegative
     angular_drag: NotNegative

@@ -27,7 +27,7 @@ LAST = FlowField(
 
 
 def moving(start: float = 0.3, end: float = 1.1, last: FlowField = LAST) -> MovingFlow:
-    interval = Interval(FIRST.arrays, last.arrays, np.zeros(3))
+    interval = Interval(FIRST.arrays, last.arrays.coefficients, np.zeros(3))
     set_span(interval.span, start, end)
     return MovingFlow(FIRST.arrays, "a test", None, interval=interval, series_digest="none")
 

@@ -68,20 +68,31 @@ class Archive:
         InputError
             For another file, a damaged one, an array that it does not have, or one of objects.
         """
+        found: Arrays = {}
+        for name, array in self.one_by_one(names, most):
+            found[name] = array
+            most -= array.nbytes
+        return found
+
+    def one_by_one(self, names: Iterable[str], most: int) -> Iterator[tuple[str, NDArray[Any]]]:
+        """The name and array of each; nothing else is unpacked, and none is held when the next one comes.
+
+        most : bytes of each of them
+
+        Raises
+        ------
+        InputError
+            As `read`.
+        """
         with self._opened() as archive:
-            found = [archive.getinfo(f"{name}.npy") for name in names]
-            total = sum(member.file_size for member in found)
-            if total > most:
-                raise InputError(
-                    str(self.path), f"{self.expected} with arrays of at most {in_words(most)}",
-                    in_words(total), "Check that it is the right file.",
-                )  # fmt: skip
-            return {
-                member.filename.removesuffix(".npy"): unpacked_array(
-                    archive, member, self.path, self.expected
-                )
-                for member in found
-            }
+            for name in names:
+                member = archive.getinfo(f"{name}.npy")
+                if member.file_size > most:
+                    raise InputError(
+                        str(self.path), f"{self.expected} with arrays of at most {in_words(most)}",
+                        in_words(member.file_size), "Check that it is the right file.",
+                    )  # fmt: skip
+                yield name, unpacked_array(archive, member, self.path, self.expected)
 
     @contextmanager
     def _opened(self) -> Iterator[zipfile.ZipFile]:

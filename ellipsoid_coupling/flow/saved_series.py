@@ -7,7 +7,7 @@ coefficients_00000, coefficients_00001, ...          (ny+3, nx+3) each
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -109,10 +109,17 @@ def _times_in(path: Path, file: Arrays, count: int) -> tuple[Array, bool, tuple[
     return times, bool(repeat[0]), tuple(str(digest) for digest in digests)
 
 
-def read_coefficients(path: Path, number: int, series: tuple[float, str]) -> Array:
-    """The coefficients number `number`; InputError unless they are those of (time, digest)."""
-    name, (time, digest) = _name(number), series
-    found: Array = _archive(path).read([name], MOST_FLOW_BYTES)[name]
+def read_coefficients(
+    path: Path, numbers: Iterable[int], times: Array, digests: tuple[str, ...]
+) -> Iterator[Array]:
+    """The coefficients of some of the times, one by one; InputError unless they have these digests."""
+    wanted = {_name(number): number for number in numbers}
+    for name, found in _archive(path).one_by_one(wanted, MOST_FLOW_BYTES):
+        number = wanted[name]
+        yield _checked(path, found, float(times[number]), digests[number])
+
+
+def _checked(path: Path, found: Array, time: float, digest: str) -> Array:
     where = f"{path}, time {time:g}"
     if found.dtype.str != "<f8" or digest_of(found) != digest:
         expected = f"the flow that was saved, digest {digest}"

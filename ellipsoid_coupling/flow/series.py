@@ -199,9 +199,8 @@ class FlowSeries(FlowField):
     def coefficients(self, start: int) -> Array:
         """Those at the start of interval `start`, a new array; InputError where the file has changed."""
         number = start % (self.times.size - 1) if self.repeat else start
-        return read_coefficients(
-            self.path, number, (float(self.times[number]), self.digests[number])
-        )
+        (found,) = read_coefficients(self.path, [number], self.times, self.digests)
+        return found
 
     def at(self, t: float) -> FlowField:
         """The flow at a time; at the nearest one from outside."""
@@ -213,8 +212,8 @@ class FlowSeries(FlowField):
 
     def steady_fields(self) -> Iterator[FlowField]:
         """The flow at each of its times."""
-        for number in range(self.times.size - (1 if self.repeat else 0)):
-            yield self._with(self.coefficients(number))
+        numbers = range(self.times.size - (1 if self.repeat else 0))
+        yield from map(self._with, read_coefficients(self.path, numbers, self.times, self.digests))
 
     def _with(self, coefficients: Array) -> FlowField:
         arrays = self.arrays._replace(coefficients=coefficients)

@@ -113,4 +113,12 @@ class _Reading(NamedTuple):
         for number, name in enumerate(names):
             if self.report is not None:
                 self.report(f"reading time {name}", number / len(names))
-            yield read_case(self.case / name, allow_misfit=self.allow_misfit)
+            yield self._field(name)
+
+    def _field(self, name: str) -> FlowField:
+        """The field of a time; what is refused names it."""
+        try:
+            return read_case(self.case / name, allow_misfit=self.allow_misfit)
+        except InputError as error:
+            where = error.where if f"/{name}/" in error.where else f"{error.where}, time {name}"
+            raise InputError(where, error.expected, error.found, error.remedy) from None

@@ -13,7 +13,7 @@ from ellipsoid_coupling.flow import FlowField, FlowSeries, When
 from ellipsoid_coupling.flow.openfoam.case_series import read_times
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.openfoam.times import choose_series
-from tests.written_cases import plate, write_case, write_mesh
+from tests.written_cases import Floats, plate, write_case, write_mesh
 
 BOX = ((0.0, 1.0), (0.0, 1.0))
 CELLS = (6, 12)
@@ -173,3 +173,17 @@ def test_a_time_s_folder_and_foamtovtk_s_are_refused(solved: Path) -> None:
     vtk = DATA / "cavity_16" / "VTK"
     for folder in (vtk, next(vtk.iterdir())):
         refused(folder, When("all", until=1.0), "what foamToVTK made of it")
+
+
+def test_a_time_that_is_too_far_off_is_named(case: Path) -> None:
+    """A source in U at one time, which no stream function has; --allow-misfit takes it."""
+
+    def source(x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        return 0.0 * x, x - 0.5, y - 0.5
+
+    other = write_case(case.parent / "source", BOX, CELLS, {"0.5": source})
+    shutil.copy(other / "0.5" / "U", case / "0.5" / "U")
+    refused(
+        case, When("all", until=1.0), r"plate, time 0\.5: expected a velocity U without sources"
+    )
+    assert isinstance(read_times(case, When("all", until=1.0), allow_misfit=True), FlowSeries)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         RunError,
         WriteError,
     )
-    from ellipsoid_coupling.flow import FlowField
+    from ellipsoid_coupling.flow import FlowField, FlowSeries
     from ellipsoid_coupling.models import register_model
     from ellipsoid_coupling.physics.stokes import StokesRates, stokes_rates
     from ellipsoid_coupling.result import Result
@@ -34,6 +34,7 @@ __version__ = "0.1.0"
 __all__ = [
     "EllipsoidError",
     "FlowField",
+    "FlowSeries",
     "InputError",
     "Interrupted",
     "Result",
@@ -52,7 +53,7 @@ __all__ = [
 # Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
 _HOMES = {
     "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
-    "flow": ("FlowField",),
+    "flow": ("FlowField", "FlowSeries"),
     "models": ("register_model",),
     "physics.stokes": ("StokesRates", "stokes_rates"),
     "result": ("Result",),

@@ -20,7 +20,17 @@ from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
 from ellipsoid_coupling.files.signals import Interruption, noticed
 from ellipsoid_coupling.files.writing import Arrays
-from ellipsoid_coupling.flow import FlowField, Wanted, closed_form_flow, obtain_flow, wanted_path
+from ellipsoid_coupling.flow import (
+    FlowField,
+    FlowSeries,
+    Wanted,
+    When,
+    closed_form_flow,
+    obtain_flow,
+    open_window,
+    require_covered,
+    wanted_path,
+)
 from ellipsoid_coupling.models import (
     ADAPTIVE_SCHEME,
     Model,
@@ -34,9 +44,11 @@ from ellipsoid_coupling.models import (
     resolution_text,
     scheme_named,
 )
+from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import MARKS, VARIABLES, Result, further_text
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.scene import Flow
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
@@ -55,8 +67,8 @@ def scene_flow(
     Raises
     ------
     InputError
-        For an unknown flow, or a path that is no solved case; or a flow given to a scene without
-        [flow].
+        For an unknown flow, or a path that is no solved case; a flow given to a scene without [flow]; or
+        one that does not cover the scene's times.
     """
     if scene.flow is None:
         if _names_flow(given):
@@ -64,16 +76,27 @@ def scene_flow(
                 f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
             )
         return None
-    if isinstance(given, FlowField):
-        return given
     if isinstance(given, str | Path):
         given = Wanted(Path(given))
-    wanted = given or Wanted()
+    if isinstance(given, FlowField):
+        flow = given
+    else:
+        flow = _found_flow(scene, scene.flow, given or Wanted(), report)
+    if isinstance(flow, FlowSeries):
+        require_covered(f"scene {scene.name}, key times", flow.covers, scene.times[-1])
+    return flow
+
+
+def _found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None) -> FlowField:
+    """The flow at the path that is `wanted`, else the scene's own."""
     path = wanted_path(wanted, report)
-    if path is None and scene.flow.source == "closed_form":
-        return closed_form_flow(scene.flow, scene.domain)
-    named = scene.flow.field, scene.flow.cells, path
-    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit)
+    if path is None and part.source == "closed_form":
+        return closed_form_flow(part, scene.domain)
+    if path is None and part.case is not None:
+        path = Path(part.case)
+    named = part.name, part.cells, path
+    when = When(part.time, part.repeat, scene.times[-1])
+    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
 
 
 def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
@@ -100,7 +123,7 @@ def simulate(
     model : str
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
-    flow : FlowField, Wanted, path or None
+    flow : FlowField, FlowSeries, Wanted, path or None
         Replaces the scene's own flow. A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
@@ -132,7 +155,8 @@ def simulate(
         field = run_flow(kept_in.path, scene)
     else:
         field = scene_flow(scene, flow, report)
-    return _Run(model, replace(setup, flow=field), kept_in, report).go()
+    require_fitting(scene, field)
+    return _Run(model, setup, field, kept_in, report).go()
 
 
 def _checked_setup(
@@ -182,6 +206,7 @@ class _Run:
 
     name: str
     setup: Setup
+    flow: FlowField | None
     folder: RunFolder | None
     report: Report | None
 
@@ -191,12 +216,14 @@ class _Run:
         self.earlier = np.zeros(2)  # wall and compile seconds of the runs before this one
         self.asked = Interruption()
         with taking_turns(), CompileTimer() as self.compiling, ExitStack() as claim:
+            self.window = claim.enter_context(open_window(self.flow))
+            self.setup = replace(self.setup, flow=self.window.field)
             self.model: Model = build_model(self.name, self.setup)
             _require_declared(kind_named(self.name), self.model.snapshot())
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
                 identity = _identity(self.name, self.setup)
-                claim.enter_context(self.folder.claimed(*identity, self.setup.flow))
+                claim.enter_context(self.folder.claimed(*identity, self.flow))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -214,7 +241,8 @@ class _Run:
         pace = Pace(times[-1], self.folder.longest if self.folder else LONGEST_RUN)
         for until in times[len(self.snapshots) :]:
             while self.model.time < until:
-                self.model.advance(until)
+                self.model.advance(min(until, self.window.until))
+                self.window.move_to(self.model.time)
                 self.monitors.look(self.model)
                 self._tell(self.model.time / times[-1])
                 self._keep(pace.look(self.model, lambda: float(self._seconds()[0])))
@@ -273,6 +301,9 @@ class _Run:
         where = str(folder.path / CHECKPOINT_FILE)
         times = self.setup.scene.times
         progress = checkpoint.unpack(arrays, self.model, times, where)
+        if self.window.move_to(self.model.time):
+            # Once more, in the flow of that time, from which a part of the state may follow.
+            progress = checkpoint.unpack(arrays, self.model, times, where)
         self.snapshots, self.earlier, self.monitors.forces = progress
         try:
             self.monitors.look(self.model)

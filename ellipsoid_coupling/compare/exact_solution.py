@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow import FlowField, FlowSeries, Window, open_window, require_covered
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
@@ -139,7 +139,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     Parameters
     ----------
     scene : Scene
-    flow : FlowField or None
+    flow : FlowField, FlowSeries or None
         None for a scene without fluid.
     side : int
         A multiple of 32.
@@ -158,7 +158,14 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
             "Compare with the microscopic ensemble instead.",
         )
     require_fitting(scene, flow)
-    setup = Setup(scene, terms_of(scene), ADAPTIVE_SCHEME, flow, 0, 1)
+    if isinstance(flow, FlowSeries):
+        require_covered(f"scene {scene.name}, key times", flow.covers, scene.times[-1])
+    with open_window(flow) as window:
+        return _exact(scene, window, side)
+
+
+def _exact(scene: Scene, window: Window, side: int) -> Result:
+    setup = Setup(scene, terms_of(scene), ADAPTIVE_SCHEME, window.field, 0, 1)
     edges = scene_edges(setup)
     limits = scene_limits(setup, edges, scene.particles.number)
     terms = scene_drift(setup, edges), scene_rates(setup).damping, limits
@@ -169,10 +176,13 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
     snapshots: list[Arrays] = []
     before = 0.0
     for until in scene.times:
-        steps = int(np.ceil((until - before) / longest))
-        _push_all(terms, state, (before, (until - before) / steps), steps)
+        while before < until:
+            stop = min(until, window.until)
+            steps = int(np.ceil((stop - before) / longest))
+            _push_all(terms, state, (before, (stop - before) / steps), steps)
+            window.move_to(stop)
+            before = stop
         snapshots.append(particle_snapshot(state, scene))
-        before = until
     return _as_result(scene, snapshots)
 
 

@@ -39,6 +39,9 @@ MOST_LOG_BYTES = 1_000_000_000
 MOST_START_BYTES = 30_000_000
 # A saved flow: the spline on 400 x 400 cells takes 1.5 MB; this is one on 5000 x 5000.
 MOST_FLOW_BYTES = 250_000_000
+# The same at several times: an archive's list of contents has no room for more bytes, or for more arrays.
+MOST_SERIES_BYTES = 4_000_000_000
+MOST_SERIES_TIMES = 10_000
 # Arrays in it: four; those of a checkpoint: some ten for every save time.
 MOST_FLOW_ARRAYS = 10
 MOST_CHECKPOINT_ARRAYS = 200_000

@@ -47,7 +47,7 @@ _REASONS = {
     errno.ENAMETOOLONG: "a name that is too long",
 }
 # Errors of zipfile on damaged files (RuntimeError: encrypted, NotImplementedError: not to be read).
-_DAMAGED = (
+DAMAGED = (
     OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError, LookupError,
     struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
@@ -216,20 +216,23 @@ def read_arrays(path: Path, expected: str, most: int, members: int) -> Arrays:
         )
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            _check_members(archive, path, expected, most)
+            check_members(archive, path, expected, most)
             return {
-                member.filename.removesuffix(".npy"): _array(archive, member, path, expected)
+                member.filename.removesuffix(".npy"): unpacked_array(
+                    archive, member, path, expected
+                )
                 for member in archive.infolist()
             }
     except InputError:
         raise
-    except _DAMAGED as error:
+    except DAMAGED as error:
         found = f"{type(error).__name__}: {error}"
         remedy = "Take another copy, or make it again."
         raise InputError(str(path), expected, found, remedy) from None
 
 
-def _check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: int) -> None:
+def check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: int) -> None:
+    """InputError unless an archive holds arrays that numpy has packed, `most` bytes in all, unpacked."""
     names = [member.filename for member in archive.infolist()]
     if len(set(names)) < len(names) or not all(name.endswith(".npy") for name in names):
         raise InputError(str(path), expected, "members that are no arrays", "Make it again.")
@@ -243,7 +246,7 @@ def _check_members(archive: zipfile.ZipFile, path: Path, expected: str, most: in
         )  # fmt: skip
 
 
-def _array(
+def unpacked_array(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path, expected: str
 ) -> NDArray[np.generic]:
     """One member; its header is the one line that numpy writes for plain numbers, or refused."""

@@ -25,6 +25,8 @@ from ellipsoid_coupling.finite_volume.fused_xy_sweep import Move, sweep_planes
 from ellipsoid_coupling.finite_volume.grid import interior
 from ellipsoid_coupling.finite_volume.kick import Kick, dampings, drift_velocity, exact_kick
 from ellipsoid_coupling.finite_volume.line_sweep import line_fields, sweep_lines
+from ellipsoid_coupling.finite_volume.moving_lines import MovingLines
+from ellipsoid_coupling.finite_volume.moving_tables import MovingTables
 from ellipsoid_coupling.finite_volume.q_grid import Extents, QGrid, grown, occupied_extents
 from ellipsoid_coupling.finite_volume.q_transport import transport, transport_in_plane
 from ellipsoid_coupling.finite_volume.sources import Cells, Limit, Work, acceleration, treat
@@ -76,8 +78,12 @@ class CellFields:
         What has left through open boundaries less what came in, in units of a cell's density.
     forces : Forces, AngleForces or None
         Of interaction and walls, as last found.
-    time : float
-        At the start of the step.
+    tables : MovingTables or None
+        What brings `terms` to a time; None where they do not change.
+    moving_lines : MovingLines or None
+        Likewise, of `lines`.
+    time, after : float
+        At the start of the step, and at its end.
     """
 
     system: System
@@ -87,6 +93,8 @@ class CellFields:
     cfl: float
     find_forces: Callable[[CellFields], Forces | AngleForces | None]
     lines: FluidLines | None = None
+    tables: MovingTables | None = None
+    moving_lines: MovingLines | None = None
     fields: Floats = field(init=False)
     drift: Floats = field(init=False)
     extents: Extents = field(init=False)
@@ -94,6 +102,7 @@ class CellFields:
     outflow: Floats = field(init=False)
     forces: Forces | AngleForces | None = field(init=False, default=None)
     time: float = field(init=False, default=0.0)
+    after: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         require_formula(cell_pressure, self.system.pressure)
@@ -284,8 +293,22 @@ class CellFields:
         """Whether F and F_bar are kept from where they are evaluated on."""
         return not self.grid.angle_resolved
 
+    def begin_step(self, time: float, after: float) -> None:
+        """A step from one time to another; `terms` are those of its start."""
+        self.time, self.after = time, after
+        self.set_terms(time)
+        if self.moving_lines is not None:
+            self.moving_lines.set(0.5 * (time + after))
+            self.lines = self.moving_lines.lines
+
+    def set_terms(self, t: float) -> None:
+        """Bring `terms` to the time t."""
+        if self.tables is not None:
+            self.tables.set(t)
+
     def update_forces(self) -> None:
-        """Set `forces` to interaction and walls at the present fields."""
+        """Set `forces` to interaction and walls at the present fields, and `terms` to the step's end."""
+        self.set_terms(self.after)
         # Not both at once: those of before are as large.
         self.forces = None
         self.forces = self.find_forces(self)

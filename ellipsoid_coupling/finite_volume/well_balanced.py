@@ -18,7 +18,8 @@ the state at rest is q = exp(-V1 - V2 - U * q)/Z on the very cells.
 
 In time, Heun's method, with the damping integrated exactly (Cox and Matthews' ETD2RK for m), which
 keeps the drift m = R/Gamma of strong damping. The potential U * q is that of the density half a
-step ahead, q - dt/2 div m. Directions change order from step to step. The source and both stages of a
+step ahead, q - dt/2 div m; a flow that changes has that of the step's start and of its end, one a stage.
+Directions change order from step to step. The source and both stages of a
 step are kernels of `well_balanced_stages.py`.
 """
 
@@ -95,7 +96,8 @@ class WellBalancedHeun:
         # Pressure is a q-equation's, whose forces these are.
         self._forces = cast(AngleGridForces, system.find_forces)
         self._limit = system.cellwise_limit(1)._replace(sound=SIGNAL, damped=True, pressure=0.0)
-        self._steady = _steady_forces(system, self._forces.walls, self._limit)
+        # By time: of a flow that changes, those of a step's start and end.
+        self._steady = {system.time: self._steady_forces()}
         # The strongest pull of the interaction in each direction, as of the last step.
         self.memory = np.zeros(3)
         self._allowed = (0.0, CFL_LIMIT)
@@ -148,6 +150,21 @@ class WellBalancedHeun:
             steps[d] = max(shortened, distance / held) if held > 0.0 else shortened
         return shorter((min(steps[:2]), steps[2]))
 
+    def _steady_forces(self) -> Floats:
+        return _steady_forces(self._system, self._forces.walls, self._limit)
+
+    def _steady_of_step(self) -> tuple[Floats, Floats]:
+        """The forces without interaction at the start of a step and at its end; `terms` are left there."""
+        system = self._system
+        if system.tables is None:
+            (steady,) = self._steady.values()
+            return steady, steady
+        known, self._steady = self._steady, {}
+        for t in (system.time, system.after):
+            system.set_terms(t)
+            self._steady[t] = known[t] if t in known else self._steady_forces()
+        return self._steady[system.time], self._steady[system.after]
+
     def step(self, dt: float, count: int) -> bool:
         """See the module; the step is refused if the new state allows less than a quarter of it.
 
@@ -155,7 +172,7 @@ class WellBalancedHeun:
         """
         system = self._system
         kept = system.outflow.copy(), self.memory.copy(), system.extents
-        potential = self._potential(0.5 * dt)
+        potential, steady = self._potential(0.5 * dt), self._steady_of_step()
         self._note_pull(potential)
         axes = system.axes
         # Reversed order every second step: the splitting is second order over two steps.
@@ -164,12 +181,12 @@ class WellBalancedHeun:
             if system.lines is not None and axis != -3:
                 if axis == order[0]:
                     _copy(system.fields, self._start)
-                self._step_lines(axis, potential, dt)
+                self._step_lines(axis, steady, potential, dt)
                 continue
             self._fill(axis)
             before = self._start if axis == order[0] else self._before
             _copy(system.fields, before)
-            self._step_along(axis, potential, before, dt)
+            self._step_along(axis, steady, potential, before, dt)
         system.narrow_extents()
         allowed = self._find_largest_step()
         if allowed[0] >= _SHORTEST_NEXT * dt:
@@ -230,7 +247,9 @@ class WellBalancedHeun:
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
-    def _step_lines(self, axis: int, potential: Floats | None, dt: float) -> None:
+    def _step_lines(
+        self, axis: int, steady: tuple[Floats, Floats], potential: Floats | None, dt: float
+    ) -> None:
         """Both stages along x or y of a staircase."""
         system, lines, work = self._system, self._system.lines, self._works[axis]
         assert lines is not None
@@ -238,8 +257,10 @@ class WellBalancedHeun:
         planes, ny, nx = system.grid.shape
         kinds = np.array([at_side(kind) == "reflect" for kind in lines.kinds])
         distinct, there = (1, ()) if potential is None else (potential.shape[0], (0,))
+        # Both stages take the mean of the start and the end: second order as well.
+        force = steady[0] if steady[1] is steady[0] else 0.5 * (steady[0] + steady[1])
         forces = LineForces(
-            self._steady[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
+            force[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
             (ny * nx, nx, 1) if axis == -1 else (ny * nx, 1, nx), kinds[whole.lines.kind],
             (0.5 * system.grid.width(axis), self._weight(axis)),
         )  # fmt: skip
@@ -261,11 +282,19 @@ class WellBalancedHeun:
         rate = terms.angular_damping if axis == -3 else terms.damping
         return Stage(dt / self._system.grid.width(axis), *exponential_weights(rate, dt))
 
-    def _step_along(self, axis: int, potential: Floats | None, before: Floats, dt: float) -> None:
+    def _step_along(
+        self,
+        axis: int,
+        steady: tuple[Floats, Floats],
+        potential: Floats | None,
+        before: Floats,
+        dt: float,
+    ) -> None:
         """Both stages along an axis, from the fields as they are, of which `before` is a copy."""
         system, work, middle = self._system, self._works[axis], self._middle
         weights = 0.5 * system.grid.width(axis), self._weight(axis)
-        set_work(self._steady[-1 - axis], potential, axis, self._ends(axis), weights, work)
+        shared = potential, axis, self._ends(axis), weights, work
+        set_work(steady[0][-1 - axis], *shared)
         flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
         stage = self._stage(axis, dt)
         normal = NORMAL[axis]
@@ -278,6 +307,8 @@ class WellBalancedHeun:
         # The second stage's source needs density and momentum as the first stage has left them,
         # ghosts included.
         _copy(system.fields, middle, (Q, normal))
+        if steady[1] is not steady[0]:
+            set_work(steady[1][-1 - axis], *shared)
         system.transport(flux, axis, dt)
         # Both stages' transports count half, here as in `combine`.
         system.outflow[:] = 0.5 * (before_stages + system.outflow)

@@ -15,24 +15,33 @@ from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sam
 from ellipsoid_coupling.flow.openfoam.programs import openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.provide import Wanted, find_flow, flow_at, obtain_flow, wanted_path
+from ellipsoid_coupling.flow.series import FlowSeries, load_flow, require_covered
 from ellipsoid_coupling.flow.spline import WallVelocity
+from ellipsoid_coupling.flow.when import When
+from ellipsoid_coupling.flow.window import Window, open_window
 
 __all__ = [
     "LINEAR_FLOWS",
     "FlowArrays",
     "FlowField",
     "FlowSample",
+    "FlowSeries",
     "LinearFlow",
     "WallVelocity",
     "Wanted",
+    "When",
+    "Window",
     "analytic_flow",
     "closed_form_flow",
     "find_flow",
     "flow_at",
     "linear_flow",
+    "load_flow",
     "obtain_flow",
+    "open_window",
     "openfoam_available",
     "register_flow",
+    "require_covered",
     "sample_flow",
     "solve_case",
     "wanted_path",

@@ -141,7 +141,7 @@ def analytic_flow(
 
 def closed_form_flow(part: Flow, domain: Domain) -> FlowField:
     """`analytic_flow` of a scene's [flow], on its domain."""
-    return analytic_flow(part.field, part.parameters, (domain.x, domain.y), part.cells)
+    return analytic_flow(part.name, part.parameters, (domain.x, domain.y), part.cells)
 
 
 def _wanted_parameters(psi: StreamFunction) -> dict[str, bool]:

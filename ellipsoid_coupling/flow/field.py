@@ -17,9 +17,10 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +32,9 @@ from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.saved import outline_arrays, read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.flow.interval import Interval
 
 Array = NDArray[np.float64]
 
@@ -262,6 +266,25 @@ class FlowField:
             return flow.x_low, flow.x_high, flow.y_low, flow.y_high
         ny, nx = self.cells
         return flow.x0, flow.x0 + nx / flow.inverse_dx, flow.y0, flow.y0 + ny / flow.inverse_dy
+
+    @property
+    def in_time(self) -> FlowArrays | Interval:
+        """What `interval.sample_at` takes in kernels, together with the time."""
+        return self.arrays
+
+    @property
+    def until(self) -> float:
+        """The time until which `in_time` holds."""
+        return math.inf
+
+    def at(self, t: float) -> FlowField:
+        """The flow at a time, which for this one does not matter."""
+        del t
+        return self
+
+    def steady_fields(self) -> Iterator[FlowField]:
+        """The flow at each of the times that it is given at: once."""
+        yield self
 
     @functools.cached_property
     def largest_speed(self) -> float:

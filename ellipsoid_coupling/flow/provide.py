@@ -19,6 +19,8 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
     kept_folders,
     solved_folder,
 )
+from ellipsoid_coupling.flow.series import load_flow
+from ellipsoid_coupling.flow.when import LATEST, When
 
 SHIPPED = Path(__file__).parent / "shipped"
 
@@ -63,6 +65,7 @@ def obtain_flow(
     report: Report | None = None,
     *,
     allow_misfit: bool = False,
+    when: When = LATEST,
 ) -> FlowField:
     """The flow of a case; `origin` says in one line which of the four sources it came from.
 
@@ -71,21 +74,31 @@ def obtain_flow(
     case : built-in name or folder, see `solve_case`
     cells, processes : for the run, if there is one
     path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
-    report : called with stage and fraction while OpenFOAM runs
+    report : called with stage and fraction while OpenFOAM runs, or many times are read
     allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
+    when : which times of the case; a saved .npz has its own
 
     Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
     field is shipped for the case; RunError if the run fails.
     """
     if path is not None:
-        return _from("given", flow_at(path, allow_misfit=allow_misfit))
+        if when.is_latest or path.suffix == ".npz":
+            return _from("given", flow_at(path, allow_misfit=allow_misfit))
+        return _from("given", _at_times(path, when, allow_misfit, report))
     if openfoam_available():
-        kept = solved_folder(case, cells)
-        if is_solved(kept):
-            return _from("cache", kept_field(kept, allow_misfit=allow_misfit))
-        # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
-        solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
-        return _from("new icoFoam run", kept_field(solved, allow_misfit=allow_misfit))
+        solved, source = solved_folder(case, cells), "cache"
+        if not is_solved(solved):
+            # A case that can run code is refused here; `ellipsoid flow CASE --trust` puts it there.
+            solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
+            source = "new icoFoam run"
+        if when.is_latest:
+            return _from(source, kept_field(solved, allow_misfit=allow_misfit))
+        return _from(source, _at_times(solved, when, allow_misfit, report))
+    if not when.is_latest:
+        raise InputError(
+            "flow.time", "OpenFOAM, or a solved case (flow.case or --flow)",
+            "a shipped field of one time", 'Set flow.time = "latest", or give a case.',
+        )  # fmt: skip
     if case not in {path.stem for path in SHIPPED.glob("*.npz")}:
         case_folder(case)
         raise InputError(
@@ -113,10 +126,16 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     return None
 
 
+def _at_times(case: Path, when: When, allow_misfit: bool, report: Report | None) -> FlowField:
+    from ellipsoid_coupling.flow.openfoam.case_series import read_times
+
+    return read_times(case, when, allow_misfit=allow_misfit, report=report)
+
+
 def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
-    """The flow at a path: a saved .npz, a folder of foamToVTK's or a solved OpenFOAM case."""
+    """The flow at a path: a saved .npz, a folder of foamToVTK's, or a solved case at its last time."""
     if path.suffix == ".npz":
-        return FlowField.load(path)
+        return load_flow(path)
     return kept_field(path, allow_misfit=allow_misfit)
 
 

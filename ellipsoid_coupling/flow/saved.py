@@ -39,7 +39,11 @@ class SavedFlow(NamedTuple):
 
 def read_saved(path: Path) -> SavedFlow:
     """A saved flow, checked; InputError where the file is missing, broken or something else."""
-    file = read_arrays(path, EXPECTED, MOST_FLOW_BYTES, MOST_FLOW_ARRAYS)
+    return checked_flow(path, read_arrays(path, EXPECTED, MOST_FLOW_BYTES, MOST_FLOW_ARRAYS))
+
+
+def checked_flow(path: Path, file: Arrays) -> SavedFlow:
+    """The arrays of a saved flow, checked; InputError, with `path` for their file, where they are none."""
     kinds = {name: array.dtype.str for name, array in file.items()}
     if kinds | _KINDS != kinds or not kinds.get("origin", "").startswith("<U"):
         found = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "nothing"

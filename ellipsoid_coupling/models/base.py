@@ -24,6 +24,9 @@ class Setup:
     """Everything that a model is built from; two equal setups give the same bits.
 
     `flow` is None for a scene without a fluid, and in `Model.require_fit`, which looks at the scene alone.
+    One that changes holds from its last given time up to the next, `flow.until`, and no `advance` goes
+    beyond that; in between two calls it moves on in place. `flow.at(t)` is the flow at a time, and kernels
+    take `flow.in_time`.
     """
 
     scene: Scene

@@ -113,7 +113,7 @@ class CellModel:
         self.stepper = stepper_of(*how)(cells, flux_of(*how))
         self.stepper.start()
         self.clock = new_clock(1, np.inf, CFL_LIMIT)
-        self.end, self.aside = float(setup.scene.times[-1]), Aside()
+        self.aside = Aside()
         single = cells.system.single_stream
         self._crossing = CrossingDetector(cells.terms.damping) if single else None
         self._mass_start = cells.mass
@@ -147,6 +147,12 @@ class CellModel:
         """The time reached."""
         return float(self.clock[0, TIME])
 
+    @property
+    def end(self) -> float:
+        """The last save time, or an earlier one at which the flow is given: steps end there."""
+        flow, last = self._setup.flow, float(self._setup.scene.times[-1])
+        return last if flow is None else min(last, flow.until)
+
     def advance(self, until: float) -> None:
         """Some steps, as long as the CFL number allows; one that turns out too long is repeated."""
         status = advance_by_limits(self, until, self.steps_per_call)
@@ -160,13 +166,13 @@ class CellModel:
         allowed = min(self.stepper.largest_step, (inflow, CFL_LIMIT))
         return allowed if cells.lines is None else min(allowed, (cells.fluid_step, CFL_LIMIT))
 
-    def try_step(self, dt: float) -> bool:
-        """Step by dt; False, with all as before, if the stepper finds that it was too long."""
-        self.cells.time = self.time
+    def try_step(self, dt: float, after: float) -> bool:
+        """Step by dt to `after`; False, with all as before, if the stepper finds that it was too long."""
+        self.cells.begin_step(self.time, after)
         if not self.stepper.step(dt, int(self.clock[0, STEPS])):
             return False
         if self._crossing is not None:
-            cells, now = self.cells, self.time + dt
+            cells, now = self.cells, after
             planes = cells.fields if cells.grid.angle_resolved else cells.fields[:, 0]
             self._crossing.look(planes, cells.grid.plane.cell, now, cells.extents)
         return True
@@ -207,6 +213,7 @@ class CellModel:
         for name, array in state.items():
             current[name][...] = array
         self.cells.look_for_mass()
+        self.cells.begin_step(self.time, self.time)
         self.stepper.restore()
 
     def health(self) -> Health:

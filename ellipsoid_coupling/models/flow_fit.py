@@ -20,7 +20,7 @@ from ellipsoid_coupling.geometry.edge_grid import REFLECTS, edge_ends
 from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
 from ellipsoid_coupling.geometry.patches import is_outlined, require_patches
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.sides import SideName
+from ellipsoid_coupling.scenes.sides import SideName, keys_of
 
 Floats = NDArray[np.float64]
 
@@ -61,6 +61,8 @@ def can_be_left(scene: Scene, flow: FlowField | None) -> bool:
 def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     """Refuse a flow without [flow], [flow] without a flow, names of no patch, and walls that are none.
 
+    Of a flow at several times each of them is looked at.
+
     Raises
     ------
     InputError
@@ -74,6 +76,24 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     require_patches(scene, () if outline is None else outline.names)
     if flow is None:
         return
+    _require_steady_inlets(scene, flow)
+    for field in flow.steady_fields():
+        _require_edges(scene, field)
+
+
+def _require_steady_inlets(scene: Scene, flow: FlowField) -> None:
+    """Refuse an inlet in a flow that changes: what it will feed in is counted before a run."""
+    named = [name for name, part in (scene.boundaries or {}).items() if keys_of(part.kind).inflow]
+    if named and flow.in_time is not flow.arrays:
+        raise InputError(
+            f"scene {scene.name}, key boundaries.{named[0]}.kind",
+            "no inlet in a flow that changes in time", "inlet",
+            'Take one time (flow.time = "latest" or a number), or another kind of boundary.',
+        )  # fmt: skip
+
+
+def _require_edges(scene: Scene, flow: FlowField) -> None:
+    """Refuse a flow that is not the same on two periodic sides, and walls that are none."""
     _require_periodic(scene, flow)
     if is_outlined(scene, flow):
         _require_tight(scene, flow)
@@ -192,7 +212,7 @@ def require_start_inside(scene: Scene, flow: FlowField | None, x: Floats, y: Flo
     """
     if flow is None:
         return
-    outside = ~flow.evaluate(x, y).inside
+    outside = ~flow.at(0.0).evaluate(x, y).inside
     if outside.any():
         first = float(x[outside][0]), float(y[outside][0])
         raise InputError(

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
+from ellipsoid_coupling.finite_volume.moving_tables import MovingTables
 from ellipsoid_coupling.flow import FlowArrays
+from ellipsoid_coupling.flow.interval import Interval
 from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.geometry.boundaries import periodic_axes
 from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
@@ -104,7 +106,7 @@ def scene_fluid(setup: Setup) -> Fluid | None:
     if part is None or setup.flow is None:
         return None
     return Fluid(
-        flow=setup.flow.arrays,
+        flow=setup.flow.in_time,
         drag=part.drag,
         angular_drag=part.angular_drag,
         shape_factor=potential_shape(particles.length, particles.width).shape_factor,
@@ -210,6 +212,14 @@ def scene_cell_terms(
     )
 
 
+def scene_moving_tables(setup: Setup, grid: Grid, terms: CellTerms) -> MovingTables | None:
+    """What brings the `terms` of an r-grid to a time; None where nothing changes."""
+    external = scene_external(setup)
+    if external.fluid is None or not isinstance(external.fluid.flow, Interval):
+        return None
+    return MovingTables(external, external.fluid.flow, grid.x, grid.y, terms)
+
+
 def require_cells_inside(setup: Setup, grid: Grid) -> None:
     """Refuse a grid with a cell whose centre is not in the fluid.
 
@@ -221,7 +231,7 @@ def require_cells_inside(setup: Setup, grid: Grid) -> None:
     if setup.flow is None:
         return
     x, y = np.meshgrid(grid.x, grid.y)
-    outside = ~setup.flow.evaluate(x, y).inside
+    outside = ~setup.flow.at(0.0).evaluate(x, y).inside
     if outside.any():
         raise InputError(
             f"scene {setup.scene.name}, key flow.field",

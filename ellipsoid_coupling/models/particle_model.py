@@ -201,7 +201,7 @@ class ParticleModel(ABC):
             assert self._edges is not None
             restore_fates(self._state, len(self._edges.names))
         elif frozen is not None and flow is not None:
-            frozen[...] = ~flow.evaluate(place[:, 0], place[:, 1]).inside
+            frozen[...] = ~flow.at(self.time).evaluate(place[:, 0], place[:, 1]).inside
 
     def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""

@@ -12,7 +12,7 @@ from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, 
 from ellipsoid_coupling.particles.state import ParticleState
 from ellipsoid_coupling.physics.outer import outer_force
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE
+from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE, TIME
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     x, y = float(place[0, i]), float(place[1, i])
     scene, fluid = setup.scene, np.zeros(2)
     if setup.flow is not None and scene.flow is not None:
-        sample = setup.flow.evaluate(x, y)
+        sample = setup.flow.at(float(state.clock[:, TIME].min())).evaluate(x, y)
         fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
     outer = np.array(outer_force(scene.outer_potential, x, y))
     terms = {

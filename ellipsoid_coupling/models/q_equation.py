@@ -32,13 +32,14 @@ from ellipsoid_coupling.interaction.q_grid import AngleForces, AngleGridInteract
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
-from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_moving_tables, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_one_angle
 from ellipsoid_coupling.models.staircase import (
     Staircase,
     curved_walls,
     require_start_in_fluid,
+    scene_moving_lines,
     scene_staircase,
     staircase_lines,
 )
@@ -64,16 +65,19 @@ class QEquation(CellModel):
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
         stairs = scene_staircase(setup, grid.plane)
+        terms = scene_cell_terms(setup, grid.plane, stairs)
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, grid.plane, stairs),
+            terms=terms,
+            tables=scene_moving_tables(setup, grid.plane, terms),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
                 _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape, stairs)
             ),
             lines=stairs and staircase_lines(setup, stairs, grid, system),
+            moving_lines=scene_moving_lines(setup, grid, system),
         )
         cells.inside[0] = _start(grid, scene, stairs)
         cells.look_for_mass()

@@ -25,13 +25,14 @@ from ellipsoid_coupling.interaction import (
 from ellipsoid_coupling.models.base import Arrays, Setup
 from ellipsoid_coupling.models.cell_model import CellModel, flux_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
-from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_walls
+from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_moving_tables, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
 from ellipsoid_coupling.models.run_warnings import of_mixed_angles
 from ellipsoid_coupling.models.staircase import (
     Staircase,
     curved_walls,
     require_start_in_fluid,
+    scene_moving_lines,
     scene_staircase,
     staircase_lines,
 )
@@ -59,14 +60,17 @@ class RGridEquation(CellModel):
         system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
         interaction = _scene_interaction(setup, plane, stairs)
         self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
+        terms = scene_cell_terms(setup, plane, stairs)
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, plane, stairs),
+            terms=terms,
+            tables=scene_moving_tables(setup, plane, terms),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
             lines=stairs and staircase_lines(setup, stairs, grid, system),
+            moving_lines=scene_moving_lines(setup, grid, system),
         )
         density = start_density(plane, scene)
         if stairs is not None:

@@ -13,9 +13,11 @@ from ellipsoid_coupling.finite_volume.fluid_faces import CellFaces, corner_value
 from ellipsoid_coupling.finite_volume.fluid_lines import Ends, FluidLines, LineTable, line_tables
 from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
 from ellipsoid_coupling.finite_volume.grid import Grid, cell_of, first_centre
+from ellipsoid_coupling.finite_volume.moving_lines import MovingLines
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, start_angles
 from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCITIES, System
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.interval import MovingFlow
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.boundaries import Inlet, at_side, make_kind
 from ellipsoid_coupling.geometry.fluid_cells import FluidCells, fluid_cells
@@ -42,16 +44,21 @@ class Staircase(NamedTuple):
         The fluid's velocity at the cells' faces along each axis, -1 and -2.
     outline : Outline or None
         None where the sides of the domain bound it.
+    flow : FlowField
+        As of the time that the faces are of.
     """
 
     cells: FluidCells
     ends: Ends
     faces: dict[int, CellFaces]
     outline: Outline | None
+    flow: FlowField
 
 
-def scene_staircase(setup: Setup, grid: Grid) -> Staircase | None:
+def scene_staircase(setup: Setup, grid: Grid, t: float = 0.0) -> Staircase | None:
     """Of a scene whose fluid is bounded by patches, or carries particles in; None of all others.
+
+    t : the time that the flow is taken at, where it changes
 
     Raises
     ------
@@ -59,7 +66,7 @@ def scene_staircase(setup: Setup, grid: Grid) -> Staircase | None:
         Where an inlet has no fluid, no cell lies in the fluid, one lies beyond the flow's mesh, or a
         periodic patch is on no periodic side.
     """
-    scene, flow = setup.scene, setup.flow
+    scene, flow = setup.scene, None if setup.flow is None else setup.flow.at(t)
     outlined = is_outlined(scene, flow)
     ends = _ends(scene, flow if outlined else None)
     carried = any(isinstance(kind, Inlet) for kind in ends.kinds)
@@ -76,7 +83,7 @@ def scene_staircase(setup: Setup, grid: Grid) -> Staircase | None:
     corners = corner_values(flow, cells, ends, grid)
     faces = {axis: CellFaces(corners, cells, ends, grid.cell, axis) for axis in (-1, -2)}
     _require_periods(scene, ends, faces)
-    return Staircase(cells, ends, faces, outline)
+    return Staircase(cells, ends, faces, outline, flow)
 
 
 def _ends(scene: Scene, flow: FlowField | None) -> Ends:
@@ -132,8 +139,7 @@ def _require_periods(scene: Scene, ends: Ends, faces: dict[int, CellFaces]) -> N
 
 def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System) -> FluidLines:
     """The lines that a grid is swept along."""
-    flow, rates = setup.flow, setup.scene.flow
-    assert flow is not None
+    rates = setup.scene.flow
     assert rates is not None
     tables, kinds = line_tables(stairs.cells, stairs.ends, grid.plane)
     carried: dict[int, Floats] = {}
@@ -152,6 +158,20 @@ def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System
     )
 
 
+def scene_moving_lines(setup: Setup, grid: QGrid, system: System) -> MovingLines | None:
+    """What brings the lines of a staircase to a time; None where nothing changes, or without one."""
+    moving = setup.flow
+    if not isinstance(moving, MovingFlow) or scene_staircase(setup, grid.plane) is None:
+        return None
+
+    def lines_at(t: float) -> FluidLines:
+        stairs = scene_staircase(setup, grid.plane, t)
+        assert stairs is not None
+        return staircase_lines(setup, stairs, grid, system)
+
+    return MovingLines(lines_at, moving.interval)
+
+
 def _carried(
     setup: Setup, stairs: Staircase, grid: QGrid, system: System, lines: tuple[int, LineTable]
 ) -> tuple[LineTable, Floats]:
@@ -166,21 +186,27 @@ def _carried(
         along = stairs.faces[axis].values[(end, *(cell if axis == -1 else cell[::-1]))]
         if isinstance(kind, Inlet) and along * (1 if end == 0 else -1) > 0.0:
             rows[line, end] = len(found)
-            found.append(_state(setup, grid, system, kind, (axis, along, table.faces[line, end])))
+            face = axis, along, table.faces[line, end]
+            found.append(_state((setup.scene, stairs.flow), grid, system, kind, face))
     carried = np.stack(found, axis=1)[list(in_order(len(system.components), -axis))]
     return table._replace(carried=rows), carried.reshape(len(system.components), -1)
 
 
 def _state(
-    setup: Setup, grid: QGrid, system: System, kind: Inlet, face: tuple[int, float, Floats]
+    scene_in: tuple[Scene, FlowField],
+    grid: QGrid,
+    system: System,
+    kind: Inlet,
+    face: tuple[int, float, Floats],
 ) -> Floats:
     """What the fluid carries of a density 1, component by component and plane by plane.
 
+    scene_in : the scene, and its flow.
     face : the axis across it, the fluid's velocity through it, and its middle.
     """
     axis, along, (x, y) = face
-    flow, rates, scene = setup.flow, setup.scene.flow, setup.scene
-    assert flow is not None
+    scene, flow = scene_in
+    rates = scene.flow
     assert rates is not None
     sample = flow.continued(x, y)
     angle = scene.start.own_angle if np.isnan(kind.angle) else kind.angle

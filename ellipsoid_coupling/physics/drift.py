@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.algebra import total
 from ellipsoid_coupling.compiled.jit import inline_kernel
-from ellipsoid_coupling.flow.field import FlowArrays, nearest, sample_flow
+from ellipsoid_coupling.flow.field import FlowArrays, nearest
+from ellipsoid_coupling.flow.interval import Interval, sample_at
 from ellipsoid_coupling.physics.angular import outer_torque
 from ellipsoid_coupling.physics.jeffery import Coefficients, jeffery_coefficients, jeffery_rate
 from ellipsoid_coupling.physics.outer import outer_force
@@ -33,7 +34,8 @@ class Fluid(NamedTuple):
 
     Attributes
     ----------
-    flow : FlowArrays
+    flow : FlowArrays or Interval
+        The same at all times, or linear in time.
     drag, angular_drag : float
         gamma and gamma_bar.
     shape_factor : float
@@ -43,7 +45,7 @@ class Fluid(NamedTuple):
         particles can leave it, else infinite.
     """
 
-    flow: FlowArrays
+    flow: FlowArrays | Interval
     drag: float
     angular_drag: float
     shape_factor: float
@@ -69,11 +71,11 @@ class External(NamedTuple):
 def external_terms(
     fluid: Fluid | None,
     outer: Record | None,
-    t: float,  # noqa: ARG001 (flows are stationary so far; others are taken at time t here)
+    t: float,
     x: float,
     y: float,
 ) -> tuple[float, float, Coefficients]:
-    """What does not depend on the angle: F_x, F_y, and gamma_bar (a, b, c) of Jeffery's term.
+    """What does not depend on the angle, at time t: F_x, F_y, and gamma_bar (a, b, c) of Jeffery's term.
 
     The compiler leaves out what stands behind an argument that is None, if its caller got it as an
     argument, too.
@@ -81,7 +83,7 @@ def external_terms(
     force_x, force_y, turning = 0.0, 0.0, (0.0, 0.0, 0.0)
     if fluid is not None:
         near_x, near_y = nearest(fluid.rim, x, y)
-        ux, uy, dux_dx, dux_dy, duy_dx, _ = sample_flow(fluid.flow, near_x, near_y)
+        ux, uy, dux_dx, dux_dy, duy_dx, _ = sample_at(fluid.flow, t, near_x, near_y)
         force_x, force_y = fluid.drag * ux, fluid.drag * uy
         turning = jeffery_coefficients(
             fluid.angular_drag, dux_dx, dux_dy, duy_dx, fluid.shape_factor

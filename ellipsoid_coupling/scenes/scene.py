@@ -34,6 +34,7 @@ from ellipsoid_coupling.scenes.sides import (
 )
 from ellipsoid_coupling.scenes.values import (
     Count,
+    FlowTime,
     Interval,
     Line,
     Names,
@@ -206,22 +207,52 @@ class Start(Part):
 class Flow(Part):
     """The fluid: where its velocity comes from, and the relaxation rates gamma and gamma_bar.
 
-    `source` "openfoam" names a case of foam_cases/ (solved with `cells` cells a side),
-    "closed_form" a field of flow/analytic.py, or a registered one, with its `parameters`; a field
-    that is not linear is sampled with `cells` cells a side of the domain.
+    `source` "openfoam" names by `field` a case of foam_cases/ (solved with `cells` cells a side), or by
+    `case` the folder of a solved one (relative to the scene file); "closed_form" a field of
+    flow/analytic.py, or a registered one, with its `parameters`; a field that is not linear is sampled
+    with `cells` cells a side of the domain.
+
+    `time` says which times of the case: "latest", one of them, "all", or [t_0, t_1]. With several the
+    flow is linear in time in between, and the scene's time 0 is the first of them, or t_0. With `repeat`
+    the last of them is the first one, one period later.
     """
 
-    source: Literal["openfoam", "closed_form"]
-    field: PathText
+    source: Literal["openfoam", "closed_form"] = "openfoam"
+    field: PathText | None = None
+    case: PathText | None = None
     cells: Count = 100
+    time: FlowTime = "latest"
+    repeat: bool = False
     drag: NotNegative
     angular_drag: NotNegative
     parameters: dict[str, Number] | None = None
 
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.field is None) == (self.case is None):
+            raise ValueError("either field or case")
+        if self.source == "closed_form" and (self.case, self.time, self.repeat) != (
+            None,
+            "latest",
+            False,
+        ):
+            raise ValueError("field alone for a closed form: case, time and repeat are OpenFOAM's")
+        if not isinstance(self.time, str | float):
+            require_interval("time", self.time)
+        elif self.repeat and self.time != "all":
+            raise ValueError('time = "all" or [t_0, t_1] for a flow that repeats')
+        return self
+
     @property
-    def named(self) -> tuple[str, str, int, dict[str, float]]:
-        """What the flow itself depends on: source, field, cells and parameters."""
-        return self.source, self.field, self.cells, self.parameters or {}
+    def name(self) -> str:
+        """The field's name, or the case's path."""
+        return self.field or self.case or ""
+
+    @property
+    def named(self) -> tuple[object, ...]:
+        """What the flow itself depends on: all but the rates."""
+        times = self.time, self.repeat
+        return self.source, self.name, self.cells, self.parameters or {}, times
 
 
 class InteractionPart(Part):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS
-from ellipsoid_coupling.scenes.scene import Scene
+from ellipsoid_coupling.scenes.scene import Flow, Scene
 
 
 class Terms(NamedTuple):
@@ -65,7 +65,7 @@ def _fluid_and_pairs(scene: Scene) -> list[Term]:
         Term(
             "flow",
             flow is not None,
-            f"{flow.field} ({flow.source}), drag {flow.drag:g}, angular drag {flow.angular_drag:g}"
+            f"{_flow_in_words(flow)}, drag {flow.drag:g}, angular drag {flow.angular_drag:g}"
             if flow
             else "no [flow]: no fluid, no drag",
         ),
@@ -78,6 +78,21 @@ def _fluid_and_pairs(scene: Scene) -> list[Term]:
         ),
         Term("torque", torque, why_torque),
     ]
+
+
+def _flow_in_words(flow: Flow) -> str:
+    """Its name and source, and its times, unless it is the last one for ever."""
+    name = f"{flow.name} ({flow.source})"
+    if flow.time == "latest":
+        return name
+    times = (
+        "all times"
+        if flow.time == "all"
+        else f"time {flow.time:g}"
+        if isinstance(flow.time, float)
+        else ("times from {:g} to {:g}".format(*flow.time))
+    )
+    return f"{name}, {times}" + (", repeated" if flow.repeat else "")
 
 
 def _surroundings(scene: Scene) -> list[Term]:

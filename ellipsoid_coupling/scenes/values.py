@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import (
     AfterValidator,
@@ -61,11 +61,22 @@ def _listed(value: object) -> object:
     return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+def _flow_time(value: object) -> object:
+    """Refuse in one line what is none of several kinds; each of them is checked behind this."""
+    pair = isinstance(value, list | tuple) and len(value) == 2
+    parts = list(value) if isinstance(value, list | tuple) else [value]
+    numbers = all(isinstance(part, int | float) and not isinstance(part, bool) for part in parts)
+    if value not in ("latest", "all") and not (numbers and (pair or parts == [value])):
+        raise ValueError('"latest", "all", a time, or [t_0, t_1]')
+    return value
+
+
 Number = Annotated[float, AfterValidator(_in_range)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_in_range)]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_in_range)]
 Count = Annotated[int, Field(ge=1, le=MOST_COUNT)]
 Interval = Annotated[tuple[Number, Number], Strict(False)]
+FlowTime = Annotated[Literal["latest", "all"] | Number | Interval, BeforeValidator(_flow_time)]
 Line = Annotated[str, Field(max_length=MOST_LINE), AfterValidator(_one_line)]
 # As systems allow them: letters of any kind, tabs and line ends included.
 PathText = Annotated[str, Field(min_length=1, max_length=MOST_PATH), AfterValidator(_no_zero)]

@@ -107,6 +107,12 @@ def equal_steps(remaining: float, largest: float) -> float:
 
 
 @kernel
+def time_after(t: float, until: float, dt: float) -> float:
+    """Where a step of dt from the time t leads; `until` exactly where it ends there."""
+    return until if dt >= until - t else t + dt
+
+
+@kernel
 def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int) -> None:
     """A step of dt is done; plan `next_step`, which `reason` limits, or give up. One row, in place.
 
@@ -122,7 +128,7 @@ def accept(clock: Floats, until: float, dt: float, next_step: float, reason: int
     if dt < clock[SHORTEST]:
         clock[SHORTEST], clock[SHORTEST_AT] = dt, clock[TIME]
     clock[LONGEST] = max(clock[LONGEST], dt)
-    clock[TIME] = until if dt >= remaining else clock[TIME] + dt
+    clock[TIME] = time_after(clock[TIME], until, dt)
     if next_step < dt or next_step > planned:
         clock[NEXT_STEP], clock[PLANNED_BY] = next_step, reason
     # With noise steps are never repeated, so that `reject` cannot see this.
@@ -214,12 +220,16 @@ class Aside:
 class Steppable(Protocol):
     """What `advance_by_limits` steps: an equation on a grid.
 
-    clock : (1, CLOCK_COLUMNS); end : the last save time; aside : empty at first.
+    clock : (1, CLOCK_COLUMNS); aside : empty at first.
     """
 
     clock: Floats
-    end: float
     aside: Aside
+
+    @property
+    def end(self) -> float:
+        """What the steps end at: the last save time, or an earlier time at which the flow is given."""
+        ...
 
     def live(self) -> dict[str, NDArray[Any]]:
         """The arrays that are stepped, all that `restore` needs."""
@@ -233,8 +243,8 @@ class Steppable(Protocol):
         """The step that the present state allows and its reason; 0 if it is not finite."""
         ...
 
-    def try_step(self, dt: float) -> bool:
-        """Step by dt; False if that was too long, everything as before."""
+    def try_step(self, dt: float, after: float) -> bool:
+        """Step by dt to the time `after`; False if that was too long, everything as before."""
         ...
 
 
@@ -268,7 +278,7 @@ def advance_by_limits(equation: Steppable, until: float, steps: int) -> int:
             aside.keep(equation.live(), until)
             end, dt = until, equal_steps(remaining, allowed)
         clock[NEXT_STEP], clock[PLANNED_BY] = allowed, reason
-        while not equation.try_step(dt):
+        while not equation.try_step(dt, time_after(clock[TIME], end, dt)):
             reject(clock, end, _SHORTER * dt, REPEATED)
             if clock[STATUS] != RUNNING:
                 return int(clock[STATUS])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.reading import exists, is_folder
-from ellipsoid_coupling.flow import FlowField, closed_form_flow, find_flow, flow_at
+from ellipsoid_coupling.flow import FlowField, closed_form_flow, find_flow, flow_at, load_flow
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, load_run_part, load_scene
 from ellipsoid_coupling.scenes.scene import Domain, Flow
@@ -85,7 +85,7 @@ def run_flow(
         The run's.
     digest : str
         The flow's, where it is known from elsewhere than run.toml (result.nc); else "none".
-    other : FlowField, optional
+    other : FlowField or FlowSeries, optional
         Taken instead of the one in the folder; it must have the same digest.
 
     Returns
@@ -103,7 +103,7 @@ def run_flow(
     file = folder / FLOW_FILE
     digests = {digest, _digest_in(folder)} - {_NONE}
     if other is not None or exists(file):
-        field = FlowField.load(file) if other is None else other
+        field = load_flow(file) if other is None else other
         if digests != {field.digest}:
             raise InputError(
                 "--flow" if other is not None else str(file),
@@ -124,7 +124,7 @@ def _flow_elsewhere(part: Flow, domain: Domain, digests: set[str]) -> FlowField 
     """A flow for a folder without one: its formula, or a shipped or cached field with such a digest."""
     if part.source == "closed_form":
         return closed_form_flow(part, domain)
-    fields = (find_flow(part.field, part.cells, digest) for digest in sorted(digests))
+    fields = (find_flow(part.name, part.cells, digest) for digest in sorted(digests))
     return next((field for field in fields if field is not None), None)
 
 

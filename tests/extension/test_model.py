@@ -75,8 +75,9 @@ class Tracers:
         """The time reached."""
         return float(self._clock[0])
 
-    def _velocity(self, position: Floats) -> Floats:
-        sample = self._flow.evaluate(position[:, 0], position[:, 1])
+    def _velocity(self, position: Floats, t: float) -> Floats:
+        # A flow may change in time; `advance` is never asked to go beyond a time at which it is given.
+        sample = self._flow.at(t).evaluate(position[:, 0], position[:, 1])
         return np.stack([sample.velocity_x, sample.velocity_y], axis=1)
 
     def advance(self, until: float) -> None:
@@ -84,18 +85,18 @@ class Tracers:
         step = self._scene.numerics.time_step
         last = self.time + step >= until
         dt = until - self.time if last else step
-        start = self._position
-        k1 = self._velocity(start)
-        k2 = self._velocity(start + 0.5 * dt * k1)
-        k3 = self._velocity(start + 0.5 * dt * k2)
-        k4 = self._velocity(start + dt * k3)
+        start, t = self._position, self.time
+        k1 = self._velocity(start, t)
+        k2 = self._velocity(start + 0.5 * dt * k1, t + 0.5 * dt)
+        k3 = self._velocity(start + 0.5 * dt * k2, t + 0.5 * dt)
+        k4 = self._velocity(start + dt * k3, t + dt)
         self._position = start + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         # The loop waits for `until` exactly; a sum of steps would miss it by rounding.
         self._clock = np.array([until if last else self.time + dt, self._clock[1] + 1.0])
 
     def snapshot(self) -> Arrays:
         """x, y, angle and the three velocities, each (R, N), as of every model of particles."""
-        velocity = self._velocity(self._position)
+        velocity = self._velocity(self._position, self.time)
         still = np.zeros_like(velocity[:, 0])
         return {
             "x": self._position[:, 0].copy(),
@@ -117,14 +118,16 @@ class Tracers:
 
     def failure_site(self) -> FailureSite:
         """The fastest tracer."""
-        speed = np.hypot(*np.moveaxis(self._velocity(self._position), 1, 0))
+        speed = np.hypot(*np.moveaxis(self._velocity(self._position, self.time), 1, 0))
         k, i = np.unravel_index(int(np.argmax(speed)), speed.shape)
         x, y = (float(value) for value in self._position[k, :, i])
         return FailureSite((x, y), {"the fluid": float(speed[k, i])})
 
     def health(self) -> Health:
         """Mass and speed; no bound of the forces, because there are none."""
-        speed = float(np.sqrt(np.square(self._velocity(self._position)).sum(axis=1).mean()))
+        speed = float(
+            np.sqrt(np.square(self._velocity(self._position, self.time)).sum(axis=1).mean())
+        )
         return Health(1.0, 0.0, (speed, 0.0), (math.inf, math.inf))
 
     def counts(self) -> Counts:

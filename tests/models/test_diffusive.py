@@ -207,7 +207,7 @@ def test_a_refused_step_leaves_all_as_it_was(rotation_flow: FlowField) -> None:
     """A flight as long as the domain asks for more than a small correction."""
     model = model_of(scene_with("rotation", 0.1, interaction=None), "accurate", rotation_flow)
     before = {name: array.copy() for name, array in model.state().items()}
-    assert not model.try_step(2.0)
+    assert not model.try_step(2.0, model.time + 2.0)
     for name, array in model.state().items():
         assert np.array_equal(array, before[name]), name
-    assert model.try_step(1e-3)
+    assert model.try_step(1e-3, model.time + 1e-3)

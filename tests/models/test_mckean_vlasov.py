@@ -187,7 +187,7 @@ def scene_with(name: str = "top_bottom", **parts: Any) -> Scene:
 def model_of(
     model: str, scene: Scene, scheme: SchemeName = "accurate", realisations: int = 1
 ) -> Model:
-    flow: FlowField | None = analytic_flow(scene.flow.field) if scene.flow else None
+    flow: FlowField | None = analytic_flow(scene.flow.name) if scene.flow else None
     return build_model(
         model,
         Setup(scene, model_terms(scene, model), scheme, flow, seed=3, realisations=realisations),

@@ -55,10 +55,11 @@ class Toy:
     def allowed_step(self) -> tuple[float, int]:
         return self.allowed(float(self.clock[0, TIME])), CFL_LIMIT
 
-    def try_step(self, dt: float) -> bool:
+    def try_step(self, dt: float, after: float) -> bool:
         if not dt <= self.refused_above(float(self.clock[0, TIME])):
             return False
         self.steps.append(dt)
+        self.after = after
         return True
 
 
@@ -90,7 +91,7 @@ def test_time_meets_save_times_exactly_and_steps_add_up() -> None:
     toy = Toy(lambda _t: 0.07)
     for until in (0.3, 0.5, 1.7):
         assert advance_by_limits(toy, until, 1000) == RUNNING
-        assert toy.clock[0, TIME] == until
+        assert toy.clock[0, TIME] == toy.after == until
     assert sum(toy.steps) == pytest.approx(1.7, rel=1e-13)
     log = step_log(toy.clock)
     assert log["steps"] == len(toy.steps) == toy.clock[0, FIRST_COUNT:].sum()

@@ -129,8 +129,8 @@ class Case:
         if scene.flow is None:
             return None
         if self.gradient == 1.0:
-            return analytic_flow(scene.flow.field)
-        return linear_flow(_FAST[scene.flow.field](self.gradient))
+            return analytic_flow(scene.flow.name)
+        return linear_flow(_FAST[scene.flow.name](self.gradient))
 
 
 _FAST = {

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
@@ -76,6 +77,108 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
 def solved_times(case: Path) -> list[str]:
     """The names of the times that have U, the last one last."""
     return [time for time in _times(case) if packed(case / time / "U") is not None]
+
+
+class Series(NamedTuple):
+    """Several times of a case.
+
+    names : (n,), of their folders, ascending
+    start : the time that is the scene's 0
+    note : in words: "41 times from 0 to 8"
+    """
+
+    names: list[str]
+    start: float
+    note: str
+
+    @property
+    def times(self) -> list[float]:
+        """In the scene's time."""
+        return [float(name) - self.start for name in self.names]
+
+
+def time_named(case: Path, time: float) -> str:
+    """The name of the folder of a time with U; InputError, listing those that there are, without one."""
+    solved = solved_times(case)
+    for name in solved:
+        if float(name) == time:
+            return name
+    raise InputError(
+        f"{case}, flow.time", f"a time with U ({_some(solved)})", f"{time:g}", "Name another."
+    )
+
+
+def choose_series(case: Path, interval: tuple[float, float] | None) -> Series:
+    """All times of a case that have U, or those that it takes to cover an interval; all on one mesh.
+
+    The scene's time 0 is the first of them, or the interval's start.
+
+    Raises
+    ------
+    InputError
+        For fewer than two times, an interval that goes beyond them, or a mesh that changes in between.
+    """
+    times = _times(case)
+    solved = solved_times(case)
+    if len(solved) < 2:
+        raise InputError(
+            f"{case}, flow.time", "a case with U at several times", _some(solved),
+            'Let the solver write more of them (writeInterval), or set flow.time = "latest".',
+        )  # fmt: skip
+    if interval is not None:
+        solved = _around(case, solved, interval)
+    first, last = float(solved[0]), float(solved[-1])
+    _require_one_mesh(case, times, solved)
+    note = f"{len(solved)} times from {solved[0]} to {solved[-1]}"
+    start = first if interval is None else interval[0]
+    if start != 0.0:
+        note += f", of which {start:g} is the scene's 0"
+    without = [time for time in times if first < float(time) < last and time not in solved]
+    if without:
+        note += f", none of {_some(without)}, which has no U"
+    return Series(solved, start, note + _gap(solved))
+
+
+def _around(case: Path, solved: list[str], interval: tuple[float, float]) -> list[str]:
+    """From the last time up to an interval's start to the first one from its end on."""
+    low, high = interval
+    if not float(solved[0]) <= low < high <= float(solved[-1]):
+        raise InputError(
+            f"{case}, flow.time", f"an interval within [{solved[0]}, {solved[-1]}], where U is known",
+            f"[{low:g}, {high:g}]", "Change it, or solve on.",
+        )  # fmt: skip
+    before = sum(float(name) <= low for name in solved) - 1
+    behind = sum(float(name) < high for name in solved)
+    return solved[before : behind + 1]
+
+
+def _gap(solved: list[str]) -> str:
+    """Where a step between two times is more than twice as long as most are, in words."""
+    steps = [float(b) - float(a) for a, b in pairwise(solved)]
+    longest = max(steps)
+    if longest <= 2.0 * median(steps):
+        return ""
+    place = steps.index(longest)
+    return f", the longest step from {solved[place]} to {solved[place + 1]}"
+
+
+def _require_one_mesh(case: Path, times: list[str], solved: list[str]) -> None:
+    """InputError where a time after the first one has a mesh of its own."""
+    for time in times:
+        for part in ("points", "faces"):
+            file = case / time / "polyMesh" / part
+            if float(solved[0]) < float(time) <= float(solved[-1]) and packed(file) is not None:
+                raise InputError(
+                    str(file), "one mesh for all times of a flow that changes in time",
+                    f"another one from time {time} on",
+                    "Name an interval without it (flow.time), or solve the case on a mesh at rest.",
+                )  # fmt: skip
+
+
+def _some(names: list[str]) -> str:
+    if len(names) > 4:
+        return f"{', '.join(names[:2])}, ..., {names[-1]}"
+    return ", ".join(names) or "none"
 
 
 def _times(case: Path) -> list[str]:

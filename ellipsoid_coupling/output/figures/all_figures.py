@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures.angles import draw_angles
+from ellipsoid_coupling.output.figures.canvas import time_title
 from ellipsoid_coupling.output.figures.density import DensityRow, density_rows, draw_density
 from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
 from ellipsoid_coupling.output.figures.flow import draw_flow
@@ -34,7 +35,8 @@ def draw_all(
     """Draw the figures that apply, scene by scene; returns the paths in that order.
 
     density_SCENE.png, angles_SCENE.png; ellipses_SCENE_LABEL.png for every particle result;
-    flow_SCENE.png with a flow (flow_SCENE_2.png, ... where results of one scene have others);
+    flow_SCENE.png with a flow (flow_SCENE_2.png, ... where results of one scene have others), as of
+    the last saved time where it changes;
     SCENE.2, SCENE.3, ... for results of a scene of the same name on other domains;
     density_A_and_B.png where two scenes share domain and times (such as the cavity with and without
     interaction), in common colours and without the bare histograms. Results without any saved time
@@ -101,7 +103,11 @@ def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:
     for number, flow in enumerate(flows, 1):
         name = f"flow_{group.name}" + (f"_{number}" if number > 1 else "")
         above = title if len(flows) == 1 else f"{title}\nflow {number}: {flow.origin}"
-        paths.append(draw_flow(flow, extent, folder / f"{name}.png", title=above))
+        time = float(group.results[0].times[-1])
+        now = flow.at(time)
+        if now is not flow:
+            above = f"{above}\nat {time_title(time)}".strip()
+        paths.append(draw_flow(now, extent, folder / f"{name}.png", title=above))
     return paths
 
 

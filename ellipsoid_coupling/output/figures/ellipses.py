@@ -67,7 +67,7 @@ def ellipse_figure(
         _add_ellipses(panel, result, (i, realisation), chosen[~(left | unborn)[chosen]])
         _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
         if flow is not None:
-            add_arrows(panel, flow, extent, colour="0.8", count=16)
+            add_arrows(panel, flow.at(time), extent, colour="0.8", count=16)
             add_walls(panel, flow.outline, extent)
         note = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
         panel.set(xlabel="x", title=f"{time_title(time)}{note}")
@@ -133,7 +133,7 @@ def draw_ellipses(
     result : layout "particles"
     path : the PNG
     realisation : which of them
-    flow : its arrows in light grey behind
+    flow : its arrows in light grey behind, as of each time
     most : where there are more particles, this many are shown, evenly picked, and the title says so
     title : str
 

@@ -18,7 +18,7 @@ from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
 from ellipsoid_coupling.output.paraview.fields import cell_image
 from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
-from ellipsoid_coupling.output.paraview.series import save_mesh, vectors
+from ellipsoid_coupling.output.paraview.series import save_mesh, save_series, vectors
 from ellipsoid_coupling.physics.bspline import spline_weights
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.result import Result
@@ -44,9 +44,10 @@ def export_flow(
         flow_ghost_cells.vtp     the wall's velocity continued to the ghost cells beyond, as squares
         walls.vtp                where the fluid ends: lines, with the number of their patch
 
-    Ghosts only for scenes with walls on the sides of the domain, and walls.vtp for flows of a case.
-    `inside` is 1 where a point lies in the flow; ghosts take the velocity of the nearest point of the
-    flow's rectangle.
+    Ghosts only for scenes with walls on the sides of the domain, and walls.vtp for flows of a case. Of a
+    flow that changes each is a series, flow.pvd and so on, with the flow (and the particles) as of each
+    saved time, or of the scene's without a result. `inside` is 1 where a point lies in the flow; ghosts
+    take the velocity of the nearest point of the flow's rectangle.
 
     Parameters
     ----------
@@ -64,9 +65,28 @@ def export_flow(
     InputError
         If the domain is not a whole number of the scene's cells.
     """
-    meshes = {
+    times = list(scene.times if result is None else result.times)
+    first = flow.at(times[0] if times else 0.0)
+    if first is flow:
+        meshes = _meshes(flow, scene, result, 0)
+        return [save_mesh(mesh, folder / name) for name, mesh in meshes.items()]
+    paths = []
+    for name in _meshes(first, scene, result, 0):
+        stem, _, suffix = name.partition(".")
+        at_times = (
+            (time, _meshes(flow.at(time), scene, result, k)[name]) for k, time in enumerate(times)
+        )
+        paths.append(save_series(at_times, folder, stem, f".{suffix}"))
+    return paths
+
+
+def _meshes(
+    flow: FlowField, scene: Scene, result: Result | None, time: int
+) -> dict[str, pyvista.DataSet]:
+    """The flow on each mesh of `export_flow`, by file; the particles are those of saved time `time`."""
+    meshes: dict[str, pyvista.DataSet] = {
         "flow.vti": flow_nodes(flow, scene),
-        "flow_particles.vtp": flow_at_particles(flow, scene, result),
+        "flow_particles.vtp": flow_at_particles(flow, scene, result, time),
         "flow_cells.vti": flow_at_cells(flow, scene),
     }
     shape = potential_shape(scene.particles.length, scene.particles.width)
@@ -84,7 +104,7 @@ def export_flow(
         meshes["flow_ghost_cells.vtp"] = polygons(squares, arrays)
     if flow.outline is not None:
         meshes["walls.vtp"] = outline_lines(flow.outline)
-    return [save_mesh(mesh, folder / name) for name, mesh in meshes.items()]
+    return meshes
 
 
 def outline_lines(outline: Outline) -> pyvista.PolyData:
@@ -115,11 +135,11 @@ def flow_at_cells(flow: FlowField, scene: Scene) -> pyvista.ImageData:
 
 
 def flow_at_particles(
-    flow: FlowField, scene: Scene, result: Result | None = None
+    flow: FlowField, scene: Scene, result: Result | None = None, time: int = 0
 ) -> pyvista.PolyData:
     """Velocity at particles: see `export_flow` for which."""
     if result is not None and result.layout == "particles" and result.times.size:
-        x, y, angle = (result.variables[name][0, 0] for name in ("x", "y", "angle"))
+        x, y, angle = (result.variables[name][time, 0] for name in ("x", "y", "angle"))
     else:
         x, y = start_lattice(scene)
         angle = np.full(x.shape, scene.start.angle)

@@ -1,0 +1,30 @@
+"""Which times of a case are taken as the flow."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class When(NamedTuple):
+    """See `scenes.scene.Flow`.
+
+    Attributes
+    ----------
+    time : "latest", "all", a time, or (t_0, t_1)
+    repeat : bool
+        The last time is the first one, one period later.
+    until : float
+        The scene's last time.
+    """
+
+    time: str | float | tuple[float, float] = "latest"
+    repeat: bool = False
+    until: float = 0.0
+
+    @property
+    def is_latest(self) -> bool:
+        """Whether the case's last time is taken, for ever."""
+        return self.time == "latest"
+
+
+LATEST = When()

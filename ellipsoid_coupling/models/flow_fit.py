@@ -84,7 +84,7 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
 def _require_steady_inlets(scene: Scene, flow: FlowField) -> None:
     """Refuse an inlet in a flow that changes: what it will feed in is counted before a run."""
     named = [name for name, part in (scene.boundaries or {}).items() if keys_of(part.kind).inflow]
-    if named and flow.in_time is not flow.arrays:
+    if named and flow.at(0.0) is not flow:
         raise InputError(
             f"scene {scene.name}, key boundaries.{named[0]}.kind",
             "no inlet in a flow that changes in time", "inlet",

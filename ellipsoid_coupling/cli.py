@@ -66,7 +66,8 @@ def flow(
 ) -> None:
     """Run an OpenFOAM case to rest, or reuse its solution.
 
-    Without --out the solved case goes into the cache.
+    One with atRest 0 in system/parameters, or with a steady solver, is run to its endTime. Without --out
+    the solved case goes into the cache.
 
     Parameters
     ----------

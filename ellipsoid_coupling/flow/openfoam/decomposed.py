@@ -17,15 +17,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.limits import MOST_TIMES
 from ellipsoid_coupling.files.reading import is_folder
 from ellipsoid_coupling.flow.openfoam.case import Mesh
 from ellipsoid_coupling.flow.openfoam.collated import split_parts
 from ellipsoid_coupling.flow.openfoam.decomposed_fields import FIELDS, write_whole_field
-from ellipsoid_coupling.flow.openfoam.decomposed_mesh import ADDRESSING, Part, read_part, whole_mesh
+from ellipsoid_coupling.flow.openfoam.decomposed_mesh import (
+    ADDRESSING,
+    Part,
+    read_parts,
+    whole_mesh,
+)
 from ellipsoid_coupling.flow.openfoam.files import packed
 from ellipsoid_coupling.flow.openfoam.own_mesh import write_own_mesh
 from ellipsoid_coupling.flow.openfoam.times import Chosen, Places, choose_time, solved_times
@@ -62,18 +69,27 @@ def whole_case(case: Path, wanted: str | None) -> Iterator[Chosen]:
 
 
 def _folders(case: Path) -> list[Path]:
-    """The folders of parts, processor0 first; InputError for parts of two decompositions."""
-    found = [path for path in case.iterdir() if PART.fullmatch(path.name) and is_folder(path)]
-    numbered = [path for path in found if not path.name.startswith("processors")]
-    together = [path for path in found if path.name.startswith("processors")]
-    counts = {path.name.partition("_")[0] for path in together}
+    """The folders of parts, processor0 first."""
+    inside = islice(case.iterdir(), MOST_TIMES)
+    found = [path for path in inside if PART.fullmatch(path.name) and is_folder(path)]
+    return sorted(found, key=lambda path: [int(digits) for digits in re.findall(r"\d+", path.name)])
+
+
+def _require_one(case: Path, folders: list[Path]) -> None:
+    """InputError for the parts of two decompositions, or for a gap in their numbers."""
+    numbered = [path for path in folders if not path.name.startswith("processors")]
+    counts = {path.name.partition("_")[0] for path in folders if path not in numbered}
     if len(counts) + bool(numbered) > 1:
-        names = ", ".join(sorted(counts | {path.name for path in sorted(numbered)[:1]}))
+        names = ", ".join(sorted(counts | {path.name for path in numbered[:1]}))
         raise InputError(
             str(case), "the parts of one decomposition", f"those of several ({names})",
             "Remove the older ones, or name the case itself after reconstructPar.",
         )  # fmt: skip
-    return sorted(found, key=lambda path: [int(digits) for digits in re.findall(r"\d+", path.name)])
+    if numbered and [path.name for path in folders] != [
+        f"processor{k}" for k in range(len(folders))
+    ]:
+        found = f"{len(folders)} folders, the last {folders[-1].name}"
+        raise InputError(str(case), "parts from processor0 on", found, "Copy the missing ones.")
 
 
 def _as_new(own: list[str], folders: list[Path]) -> bool:
@@ -84,6 +100,7 @@ def _as_new(own: list[str], folders: list[Path]) -> bool:
 
 def _put_together(case: Path, folders: list[Path], wanted: str | None, scratch: Path) -> Chosen:
     """The whole in scratch/whole; the note of `Chosen` says of how many parts."""
+    _require_one(case, folders)
     newest = max((t[-1] for t in map(solved_times, folders) if t), key=float, default=None)
     time = wanted or newest
     if time is not None and any(packed(folder / time / "U") is None for folder in folders):
@@ -101,10 +118,7 @@ def _put_together(case: Path, folders: list[Path], wanted: str | None, scratch: 
         files += [places.faces / name for name in (*_MESH[1:], *ADDRESSING)]
         files += [time / name for time in times for name in FIELDS]
         folders = split_parts(folders, files, scratch)
-    elif [folder.name for folder in folders] != [f"processor{k}" for k in range(len(folders))]:
-        found = f"{len(folders)} folders, the last {folders[-1].name}"
-        raise InputError(str(case), "parts from processor0 on", found, "Copy the missing ones.")
-    parts = [read_part(folder, places) for folder in folders]
+    parts = read_parts(case, folders, places)
     whole = scratch / "whole"
     mesh = whole_mesh(case, parts)
     write_own_mesh(mesh, whole)

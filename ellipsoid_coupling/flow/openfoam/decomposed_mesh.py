@@ -31,7 +31,20 @@ class Part(NamedTuple):
     patches: Index
 
 
-def read_part(folder: Path, places: Places) -> Part:
+def read_parts(case: Path, folders: Sequence[Path], places: Places) -> list[Part]:
+    """Every part in its folder, `places` below it; InputError for more than a mesh may have in all."""
+    parts: list[Part] = []
+    faces = 0
+    for folder in folders:
+        parts.append(_read_part(folder, places))
+        faces += parts[-1].faces.size
+        if faces > MOST_MESH_ENTRIES:
+            expected = f"parts with at most {MOST_MESH_ENTRIES} faces in all"
+            raise InputError(str(case), expected, "more", "Take a coarser mesh.")
+    return parts
+
+
+def _read_part(folder: Path, places: Places) -> Part:
     """A part's mesh and addressing, every number in range of what the part itself has."""
     at = folder / places.faces
     mesh = read_mesh(Places(folder / places.time, folder / places.points, at))

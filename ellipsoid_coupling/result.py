@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -73,6 +74,8 @@ _NUMBERS = (
     "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
 )  # fmt: skip
 _LONGEST = 10_000
+# A code of `fate` and its meaning, in a list.
+_FLAG = re.compile(r"(?:^|, )(-?\d{1,9}) ([^\s,]+)(?=, |$)")
 _REMEDY = "Give a result.nc that this package wrote."
 
 
@@ -90,7 +93,7 @@ def further_variables(attributes: dict[str, Any]) -> dict[str, tuple[str, str]]:
 
 def _flags(meanings: str) -> dict[str, Any]:
     """The attributes of a variable of codes, from "0 inside, 3 stick@cylinder"."""
-    pairs = [pair.split(" ") for pair in meanings.split(", ") if pair]
+    pairs = _FLAG.findall(meanings)
     return {
         "flag_values": np.array([int(code) for code, _ in pairs], np.int32),
         "flag_meanings": " ".join(word for _, word in pairs),
@@ -163,7 +166,8 @@ class Result:
     @property
     def _particles_at_start(self) -> float:
         """How many particles hold a mass of 1."""
-        return float(self.attributes.get("particles_at_start", self.variables["x"][0].size))
+        number = float(self.attributes.get("particles_at_start", 0.0))
+        return number if number >= 1.0 else float(self.variables["x"][0].size)
 
     @property
     def frozen(self) -> NDArray[np.bool_] | None:

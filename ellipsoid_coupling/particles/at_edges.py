@@ -50,13 +50,13 @@ def _path(
     dt: float,
 ) -> Path:
     """The path of a particle for a constant drift, with the noise of a step of dt."""
-    place, velocity, force = state.place[k], state.velocity[k], state.force[k]
+    place, velocity, force = state.place, state.velocity, state.force
     right, across = noise_of(noise, 0, rates, linear, i)
     up, along = noise_of(noise, 1, rates, linear, i)
     return Path(
-        (place[0, i], place[1, i]),
-        (velocity[0, i], velocity[1, i]),
-        (force[0, i], force[1, i]),
+        (place[k, 0, i], place[k, 1, i]),
+        (velocity[k, 0, i], velocity[k, 1, i]),
+        (force[k, 0, i], force[k, 1, i]),
         NOWHERE,
         # The noise of the whole step is spread evenly over it: how it came about is not known.
         (right / dt, up / dt),
@@ -66,11 +66,33 @@ def _path(
 
 
 @kernel
-def _may_meet(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> bool:
-    """Whether a path may come to an edge within the step; it does not if its way is not a number."""
-    way = linear.place_velocity * _size(path.velocity) + linear.place_force * _size(path.force)
-    way += linear.place_missed * _size(path.slope) * dt + _size(path.noise) * dt
-    return bool(way > clearance_at(edges, path.place[0], path.place[1]))
+def _may_meet(
+    edges: EdgeGrid,
+    state: ParticleState,
+    k: int,
+    noise: Floats | None,
+    rates: Rates,
+    linear: LinearStep,
+    later: Floats,
+) -> Indices:
+    """The particles (m,) that may come to an edge within a step, in which the drift becomes `later`.
+
+    Not those whose way is not a number: the steppers report these themselves.
+    """
+    x, y = state.place[k, 0], state.place[k, 1]
+    u, v = state.velocity[k, 0], state.velocity[k, 1]
+    pull_x, pull_y, later_x, later_y = state.force[k, 0], state.force[k, 1], later[0], later[1]
+    which, count = np.empty(x.size, np.int64), 0
+    for i in range(x.size):
+        way = linear.place_velocity * (abs(u[i]) + abs(v[i]))
+        way += linear.place_force * (abs(pull_x[i]) + abs(pull_y[i]))
+        way += linear.place_missed * (abs(later_x[i] - pull_x[i]) + abs(later_y[i] - pull_y[i]))
+        way += abs(noise_of(noise, 0, rates, linear, i)[0])
+        way += abs(noise_of(noise, 1, rates, linear, i)[0])
+        if way > clearance_at(edges, x[i], y[i]) and takes_part(state.frozen, k, i):
+            which[count] = i
+            count += 1
+    return which[:count]
 
 
 @kernel
@@ -86,11 +108,9 @@ def predict_at_edges(
     """Predict anew what may come to an edge: a place in the fluid, or where it would end."""
     if edges is not None:
         linear = linear_step(rates.damping[0], rates.amplitude[0], dt)
-        for i in range(state.place.shape[2]):
-            path = _path(state, k, i, noise, rates, linear, dt)
-            if takes_part(state.frozen, k, i) and _may_meet(edges, path, linear, dt):
-                end = follow(edges, path, dt)
-                trial.place[0, i], trial.place[1, i] = end.place
+        for i in _may_meet(edges, state, k, noise, rates, linear, state.force[k]):
+            end = follow(edges, _path(state, k, i, noise, rates, linear, dt), dt)
+            trial.place[0, i], trial.place[1, i] = end.place
 
 
 @kernel
@@ -150,18 +170,13 @@ def ends_at_edges(
     if edges is None:
         return None
     linear = linear_step(rates.damping[0], rates.amplitude[0], dt)
-    which, count = np.empty(state.place.shape[2], np.int64), 0
-    for i in range(which.size):
-        path = _changing(_path(state, k, i, noise, rates, linear, dt), state, k, i, trial, dt)
-        if takes_part(state.frozen, k, i) and _may_meet(edges, path, linear, dt):
-            which[count] = i
-            count += 1
-    values = np.empty((count, 6))
-    for m in range(count):
+    which = _may_meet(edges, state, k, noise, rates, linear, trial.force)
+    values = np.empty((which.size, 6))
+    for m in range(which.size):
         path = _path(state, k, which[m], noise, rates, linear, dt)
         path = _changing(path, state, k, which[m], trial, dt)
         _kept(values[m], _corrected(edges, path, linear, dt))
-    return Ends(which[:count], values)
+    return Ends(which, values)
 
 
 @kernel

@@ -166,8 +166,7 @@ def test_the_balanced_scheme_takes_the_flow_of_both_ends_of_a_step(
     """What is left of the step is as small as in a steady flow, some 2e-4 of the mean velocity.
 
     The rest of its error is that of the cells: 9e-3 here, 4e-3 on cells of half the size, in a steady flow
-    and in this one alike. With the flow of the step's start in both stages the step leaves ten times
-    as much.
+    and in this one alike. With the flow of the step's start in both stages it leaves ten times as much.
     """
 
     def left_by_the_step() -> float:

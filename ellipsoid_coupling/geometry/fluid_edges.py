@@ -30,7 +30,8 @@ from ellipsoid_coupling.geometry.edge_grid import (
 from ellipsoid_coupling.geometry.inside import in_fluid
 from ellipsoid_coupling.geometry.patches import patch_parts, same_place
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.scene import BoundaryPart, Domain
+from ellipsoid_coupling.scenes.boundary import BoundaryPart
+from ellipsoid_coupling.scenes.scene import Domain
 from ellipsoid_coupling.scenes.sides import SIDES, SideName
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,8 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.scene import BoundaryPart, Domain
+from ellipsoid_coupling.scenes.boundary import BoundaryPart
+from ellipsoid_coupling.scenes.scene import Domain
 from ellipsoid_coupling.scenes.sides import SIDES
 
 _BY_TYPE = {

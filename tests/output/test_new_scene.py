@@ -19,7 +19,7 @@ from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.output.new_scene import scene_text
 from ellipsoid_coupling.output.scene_choices import Wishes, choose
 from ellipsoid_coupling.scenes import Scene, load_scene, parse_toml, scene_to_toml
-from ellipsoid_coupling.scenes.scene import BoundaryPart
+from ellipsoid_coupling.scenes.boundary import BoundaryPart
 from ellipsoid_coupling.scenes.sides import known_kinds
 
 DATA = Path(__file__).parents[1] / "data"

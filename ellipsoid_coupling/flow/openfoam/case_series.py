@@ -10,7 +10,7 @@ from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.openfoam.locate import locate
-from ellipsoid_coupling.flow.openfoam.reader import read_case
+from ellipsoid_coupling.flow.kept_fields import kept_field
 from ellipsoid_coupling.flow.openfoam.times import Series, choose_series, time_named
 from ellipsoid_coupling.flow.series import FlowSeries, require_covered
 from ellipsoid_coupling.flow.when import When
@@ -60,7 +60,7 @@ def read_times(
         found = f"its time {named}, and flow.time = {when.time!r}"
         raise InputError(str(path), "the folder of the case", found, "Leave one of them out.")
     if isinstance(when.time, int | float):
-        return read_case(case / time_named(case, when.time), allow_misfit=allow_misfit)
+        return kept_field(case / time_named(case, when.time), allow_misfit=allow_misfit)
     series = choose_series(case, None if isinstance(when.time, str) else when.time)
     times = series.times
     ends = float(series.names[0]), float(series.names[-1])
@@ -119,7 +119,7 @@ class _Reading(NamedTuple):
     def _field(self, name: str) -> FlowField:
         """The field of a time; what is refused names it."""
         try:
-            return read_case(self.case / name, allow_misfit=self.allow_misfit)
+            return kept_field(self.case / name, allow_misfit=self.allow_misfit)
         except InputError as error:
             where = error.where if f"/{name}/" in error.where else f"{error.where}, time {name}"
             raise InputError(where, error.expected, error.found, error.remedy) from None

@@ -67,7 +67,7 @@ class QEquation(CellModel):
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, grid.plane, stairs),
+            terms=scene_cell_terms(setup, grid.plane, stairs=stairs),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(

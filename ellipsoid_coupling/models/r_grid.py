@@ -62,7 +62,7 @@ class RGridEquation(CellModel):
         cells = CellFields(
             system=system,
             grid=grid,
-            terms=scene_cell_terms(setup, plane, stairs),
+            terms=scene_cell_terms(setup, plane, stairs=stairs),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,

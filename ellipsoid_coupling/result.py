@@ -190,7 +190,10 @@ class Result:
         return [None] * self.times.size if gone is None else list(gone)
 
     def cell_density(self) -> Floats:
-        """The density on the grid's own cells, (T, ny, nx), integrated over the angle for q."""
+        """The density on the grid's own cells, (T, ny, nx), integrated over the angle for q.
+
+        Cells in solids hold 0, not NaN, so that any two densities can be subtracted.
+        """
         density = self.variables["density"]
         if self.layout == "q":
             return np.asarray(density.sum(axis=1) * histograms.FULL_TURN / density.shape[1])

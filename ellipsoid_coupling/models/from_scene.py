@@ -178,7 +178,7 @@ def scene_rates(setup: Setup) -> Rates:
 
 
 def scene_cell_terms(
-    setup: Setup, grid: Grid, stairs: Staircase | None = None, t: float = 0.0
+    setup: Setup, grid: Grid, t: float = 0.0, stairs: Staircase | None = None
 ) -> CellTerms:
     """What drives the cells of an r-grid, as of time t; a term that the scene lacks is None.
 

@@ -65,7 +65,7 @@ class QEquation(CellModel):
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
         stairs = scene_staircase(setup, grid.plane)
-        terms = scene_cell_terms(setup, grid.plane, stairs)
+        terms = scene_cell_terms(setup, grid.plane, stairs=stairs)
         cells = CellFields(
             system=system,
             grid=grid,

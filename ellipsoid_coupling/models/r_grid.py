@@ -60,7 +60,7 @@ class RGridEquation(CellModel):
         system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
         interaction = _scene_interaction(setup, plane, stairs)
         self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
-        terms = scene_cell_terms(setup, plane, stairs)
+        terms = scene_cell_terms(setup, plane, stairs=stairs)
         cells = CellFields(
             system=system,
             grid=grid,

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.kept_fields import kept_field
+from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.times import Series, choose_series, time_named
 from ellipsoid_coupling.flow.series import FlowSeries, require_covered
 from ellipsoid_coupling.flow.when import When

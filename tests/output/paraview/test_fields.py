@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ellipsoid_coupling.output.paraview.fields import grid_fields, grid_images, histogram_images
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.outline import polygon_outline
+from ellipsoid_coupling.output.paraview.fields import (
+    HIDDEN_CELL,
+    grid_fields,
+    grid_images,
+    histogram_images,
+)
 from ellipsoid_coupling.result import Result
 
 
@@ -53,3 +60,18 @@ def test_histogram_counts_all_realisations(particle_result: Result) -> None:
     # All particles lie inside: the integral is 1 to rounding.
     assert np.isclose(density.sum() * 0.1 * 0.075, 1.0, rtol=1e-12)
     np.testing.assert_array_equal(density, particle_result.density(10)[1].ravel())
+
+
+def test_cells_in_solids_are_hidden_where_patches_bound_the_flow(rho_result: Result) -> None:
+    """A square of 2 x 2 cells, of which ParaView draws nothing; without a flow all cells are drawn."""
+    x, y = np.linspace(0.0, 1.0, 9), np.linspace(0.0, 0.75, 7)
+    solid = np.array([[0.25, 0.25], [0.25, 0.5], [0.5, 0.5], [0.5, 0.25]])
+    outline = polygon_outline([("solid", "wall", solid, True)])
+    flow = FlowField.from_stream_function(np.zeros((7, 9)), x, y, "at rest", outline=outline)
+    _, image = next(grid_images(rho_result, flow))
+    hidden = image.cell_data["vtkGhostType"].reshape(6, 8)
+    expected = np.zeros((6, 8))
+    expected[2:4, 2:4] = HIDDEN_CELL
+    np.testing.assert_array_equal(hidden, expected)
+    _, image = next(grid_images(rho_result))
+    assert "vtkGhostType" not in image.cell_data

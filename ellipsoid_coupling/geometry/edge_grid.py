@@ -115,6 +115,25 @@ def clearance_at(edges: EdgeGrid, x: float, y: float) -> float:
 
 
 @kernel
+def has_edge_within(edges: EdgeGrid, x: float, y: float, way: float) -> bool:
+    """Whether a way of this length from a place can meet an edge; a bound, by the edges' lines and ends."""
+    reach = way + 4.0 * edges.margin
+    columns = column_of(edges, x - reach), column_of(edges, x + reach)
+    for row in range(row_of(edges, y - reach), row_of(edges, y + reach) + 1):
+        for column in range(columns[0], columns[1] + 1):
+            cell = row * edges.columns + column
+            for member in range(edges.first[cell], edges.first[cell + 1]):
+                e = edges.members[member]
+                dx, dy = x - edges.lines[e, X], y - edges.lines[e, Y]
+                ax, ay = edges.lines[e, ALONG_X], edges.lines[e, ALONG_Y]
+                along = ax * dx + ay * dy
+                near = -reach <= along <= edges.lines[e, LENGTH] + reach
+                if near and abs(ax * dy - ay * dx) <= reach:
+                    return True
+    return False
+
+
+@kernel
 def _touches(line: Floats, x: float, y: float, half: float) -> bool:
     """Whether an edge touches the square about (x, y), in whose bounding box it is."""
     across = abs(line[ALONG_X] * (y - line[Y]) - line[ALONG_Y] * (x - line[X]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.geometry.edge_grid import EdgeGrid, clearance_at
+from ellipsoid_coupling.geometry.edge_grid import EdgeGrid, clearance_at, has_edge_within
 from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE
 from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.fates import Fates, takes_part
@@ -89,7 +89,9 @@ def _may_meet(
         way += linear.place_missed * (abs(later_x[i] - pull_x[i]) + abs(later_y[i] - pull_y[i]))
         way += abs(noise_of(noise, 0, rates, linear, i)[0])
         way += abs(noise_of(noise, 1, rates, linear, i)[0])
-        if way > clearance_at(edges, x[i], y[i]) and takes_part(state.frozen, k, i):
+        near = way > clearance_at(edges, x[i], y[i]) and takes_part(state.frozen, k, i)
+        # The clearance is that of a cell; few of those that exceed it are as near as that to an edge.
+        if near and has_edge_within(edges, x[i], y[i], way):
             which[count] = i
             count += 1
     return which[:count]

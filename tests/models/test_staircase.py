@@ -244,3 +244,29 @@ def test_the_density_past_a_cylinder_converges_to_that_of_the_limit() -> None:
     assert (orders > 0.75).all()
     assert (orders[-1] > 0.95).all()
     assert (errors[-1] < [0.03, 0.13]).all()
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("drag", [1.0, 5.0])
+def test_with_inertia_lines_and_a_rectangle_agree_to_second_order(drag: float) -> None:
+    """An eddy in a box whose walls are patches: what follows the fluid there differs by O(dt^2, h^2)."""
+    nodes = np.linspace(-1.0, 1.0, 41)
+    bump = np.cos(0.5 * np.pi * nodes)
+    outline = polygon_outline([("wall", "wall", box(1.0, 1.0), True)])
+    psi = 0.5 * bump[:, None] * bump
+    flow = FlowField.from_stream_function(psi, nodes, nodes, "eddy", outline=outline)
+    bare = FlowField(flow.arrays, flow.origin, None)
+    parts: dict[str, Any] = {
+        "start": {"x": [-0.5, 0.5], "y": [-0.3, 0.3]}, "flow": {"drag": drag},
+        "particles": {"width": 0.1}, "domain": {"boundary": "reflecting"},
+    }  # fmt: skip
+    apart = []
+    for cell in (0.05, 0.025, 0.0125):
+        there = scene((1.0, 1.0), cell, boundaries={"wall": REFLECT}, **parts)
+        lines = simulate(there, "rho_mono_kinetic", flow=flow).density(20)[-1]
+        plain = simulate(scene((1.0, 1.0), cell, **parts), "rho_mono_kinetic", flow=bare)
+        apart.append(np.abs(lines - plain.density(20)[-1]).sum() * 0.1**2)
+    orders = np.log2(np.array(apart[:-1]) / apart[1:])
+    assert orders[0] > 1.2
+    assert orders[1] > 1.6
+    assert apart[-1] < 3e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -171,3 +172,8 @@ class Model(Protocol):
     def coordinates(self) -> dict[str, NDArray[np.float64]]:
         """The coordinates of the snapshot's axes that are not plain counts: x, y (m,), angle (na,)."""
         ...
+
+
+def listed(numbers: Mapping[str, float]) -> str:
+    """Names and numbers in one line: "outlet 0.25, cylinder 0"."""
+    return ", ".join(f"{name} {number:.12g}" for name, number in numbers.items())

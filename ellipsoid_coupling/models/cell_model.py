@@ -7,7 +7,6 @@ cell and its warnings are. Which stepper steps it follows from what its `System`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,7 +27,7 @@ from ellipsoid_coupling.finite_volume.splitting import (
 )
 from ellipsoid_coupling.finite_volume.system import System
 from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
-from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup
+from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup, listed
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_start
@@ -246,8 +245,3 @@ class CellModel:
         """Sentences for `Result.warnings`."""
         crossing = [] if self._crossing is None else of_crossing(self._crossing.time)
         return of_start(self._setup.scene) + crossing
-
-
-def listed(numbers: Mapping[str, float]) -> str:
-    """Names and numbers in one line: "outlet 0.25, cylinder 0"."""
-    return ", ".join(f"{name} {number:.12g}" for name, number in numbers.items())

@@ -9,7 +9,7 @@ import numpy as np
 from ellipsoid_coupling.geometry.edge_grid import ENDS
 from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE, NOT_YET
 from ellipsoid_coupling.geometry.fluid_edges import FluidEdges
-from ellipsoid_coupling.models.base import Counts
+from ellipsoid_coupling.models.base import Counts, listed
 from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.fates import Fates
 
@@ -55,8 +55,3 @@ def fate_log(fates: Fates, births: Births | None, edges: FluidEdges, start: int)
         "fates": listed(ended | {"inside": inside}),
         "fate_meanings": meanings(edges),
     }
-
-
-def listed(numbers: dict[str, int] | dict[str, float]) -> str:
-    """Names and numbers in one line: "outlet 279, cylinder 0"."""
-    return ", ".join(f"{name} {number:.12g}" for name, number in numbers.items())

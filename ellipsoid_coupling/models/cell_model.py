@@ -7,6 +7,7 @@ cell and its warnings are. Which stepper steps it follows from what its `System`
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np

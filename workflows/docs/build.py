@@ -2,7 +2,7 @@
 
     bash workflows/docs.sh [--without-running] [--out DIR]
 
-Pages stand in pages/. A line "% generated: NAME" there is replaced by what `markdown.GENERATED` makes, and
+Pages stand in pages/. A line "% generated: NAME" there is replaced by what `from_code.GENERATED` makes, and
 "% docstring: MODULE" by a module's docstring. DIR/source is what sphinx reads, DIR/html what it makes.
 """
 
@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import scene_keys
+from from_code import GENERATED, docstring
 from links import broken_links
-from markdown import GENERATED, docstring
 
 from ellipsoid_coupling.errors import InputError, RunError, run_in_words
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import matplotlib.image
 import pytest
+from packaging.requirements import Requirement
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.cli import app
@@ -78,6 +81,32 @@ def test_a_browser_shows_the_page(html: Path, tmp_path: Path, page: str) -> None
     assert int(shown[2]) == len(re.findall(r"<img ", text))
     run(f"--screenshot={tmp_path / 'page.png'}")
     assert matplotlib.image.imread(tmp_path / "page.png")[..., :3].std() > 0.05
+
+
+@NEEDS_SPHINX
+def test_the_lock_pins_the_extra_and_all_that_it_needs() -> None:
+    """Beside what requirements.lock pins, and nothing twice."""
+    locks = [(TOP / "workflows" / f"{name}.lock").read_text() for name in ("docs", "requirements")]
+    docs, others = ({plain_name(n) for n in re.findall(r"(?m)^([\w.-]+)==", t)} for t in locks)
+    assert locks[0].count("==") <= locks[0].count("--hash=sha256:")
+    project = tomllib.loads((TOP / "pyproject.toml").read_text())
+    left = list(project["project"]["optional-dependencies"]["docs"])
+    wanted: set[str] = set()
+    while left:
+        name = plain_name(Requirement(left.pop()).name)
+        if name not in wanted:
+            wanted.add(name)
+            texts = importlib.metadata.requires(name) or []
+            left += [
+                t
+                for t in texts
+                if (m := Requirement(t).marker) is None or m.evaluate({"extra": ""})
+            ]
+    assert docs == wanted - others
+
+
+def plain_name(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def test_broken_links_are_found(tmp_path: Path) -> None:

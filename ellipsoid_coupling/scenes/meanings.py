@@ -37,8 +37,11 @@ MEANINGS = {
     "particles.inertia": Meaning("I_c, the moment of inertia of one particle", "mass length^2"),
     "particles.number": Meaning("N, the particles of one realisation", "1"),
     "particles.realisations": Meaning("independent copies; histograms take them together", "1"),
-    "start.x": Meaning("[low, high] of the box in x that particles fill evenly, at rest", "length"),
-    "start.y": Meaning("[low, high] of that box in y", "length"),
+    "start.x": Meaning(
+        "[low, high] of the box in x that particles fill evenly, at rest; not needed with points",
+        "length",
+    ),
+    "start.y": Meaning("[low, high] of that box in y; not needed with points", "length"),
     "start.angle": Meaning("of the main axis against the x axis", "rad"),
     "start.points": Meaning(
         "one [x, y] or [x, y, angle] a particle; the box then follows from them", "length, rad"

@@ -13,7 +13,9 @@ import pytest
 from ellipsoid_coupling.output.progress import ProgressReporter
 
 sys.path.append(str(Path(__file__).parents[2] / "workflows"))
+import benchmark
 import frontier
+import paper
 import paper_page
 import results
 from benchmark_tools import Row
@@ -50,7 +52,7 @@ def test_verdicts_become_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             page.write()
         return folder
 
-    monkeypatch.setattr(results.paper, "main", short_paper)
+    monkeypatch.setattr(paper, "main", short_paper)
     pages = tmp_path / "pages"
     results.main(["--only", "paper", "--out", str(tmp_path / "out"), "--pages", str(pages)])
     (written,) = pages.rglob("*.md")
@@ -70,7 +72,7 @@ def test_the_benchmark_becomes_a_table(tmp_path: Path, monkeypatch: pytest.Monke
         path.write_text(json.dumps({"limits": {"triad": 70.04}, "rows": [row._asdict()]}))
         return path
 
-    monkeypatch.setattr(results.benchmark, "main", short_benchmark)
+    monkeypatch.setattr(benchmark, "main", short_benchmark)
     results.main(["--only", "benchmark", "--out", str(tmp_path / "out"), "--pages", str(tmp_path)])
     (written,) = (tmp_path / "docs").rglob("*.md")
     text = written.read_text("utf-8")
@@ -93,7 +95,7 @@ def test_choices_become_a_table_and_pictures(
             (folder / f"{name}_cavity_free.png").write_text(name)
         return folder
 
-    monkeypatch.setattr(results.frontier, "main", short_frontier)
+    monkeypatch.setattr(frontier, "main", short_frontier)
     results.main(["--only", "frontier", "--out", str(tmp_path / "out"), "--pages", str(tmp_path)])
     pictures = {path.name: path.read_text() for path in (tmp_path / "pictures").iterdir()}
     assert pictures == {

@@ -27,7 +27,9 @@ exclude_patterns = ["gallery/sg_execution_times.rst"]
 myst_heading_anchors = 3
 
 html_theme = "furo"
-html_title = f"ellipsoid_coupling {version}"
+html_title = f"Ellipsoid coupling {version}"
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
 html_show_copyright = False
 html_copy_source = False
 html_show_sourcelink = False

@@ -23,15 +23,16 @@ exact = exact_reference(scene, analytic_flow("top_bottom"))
 # The distance is L1, of the masses in 20 x 20 bins: 2 where two densities do not overlap.
 
 widths = np.array([0.15, 0.075, 0.0375])
+_, axes = plt.subplots(layout="constrained")
 for scheme in ("paper", "accurate"):
     errors = []
     for h in widths:
         finer = ec.load_scene("top_bottom", {**settings, "numerics.cell": float(h)})
         result = ec.simulate(finer, model="rho_mono_kinetic", scheme=scheme)
         errors.append(errors_against(result, exact).density[-1])
-    plt.loglog(widths, errors, "o-", label=scheme)
+    axes.loglog(widths, errors, "o-", label=scheme)
     print(scheme, [f"{error:.4f}" for error in errors])
-plt.loglog(widths, widths, color="0.6", linestyle=":", label="h")
-plt.gca().set(xlabel="h", ylabel="L1 error of the density")
-plt.legend()
+axes.loglog(widths, widths, color="0.6", linestyle=":", label="h")
+axes.set(xlabel="h", ylabel="L1 error of the density")
+axes.legend()
 plt.show()

@@ -30,10 +30,13 @@ print(*sorted(path.name for path in folder.iterdir()), sep="\n")
 # The same files read back without ParaView:
 
 reader = pyvista.PVDReader(str(folder / "ellipses.pvd"))
-axes = plt.subplots(1, len(reader.time_values), figsize=(9.0, 3.2), sharey=True)[1]
+axes = plt.subplots(
+    1, len(reader.time_values), figsize=(9.0, 3.2), sharey=True, layout="constrained"
+)[1]
 for number, (time, panel) in enumerate(zip(reader.time_values, axes, strict=True)):
     reader.set_active_time_point(number)
     ellipses = reader.read()[0]
+    assert isinstance(ellipses, pyvista.PolyData)
     for cell in range(ellipses.n_cells):
         outline = ellipses.get_cell(cell).points
         panel.fill(outline[:, 0], outline[:, 1], color="tab:blue")

@@ -38,8 +38,9 @@ draw_ellipses(guarded, Path("ellipses.png"), title="Ghosts below and on the righ
 # How many particles are how near to the floor at the end:
 
 edges = np.linspace(0.0, 0.2, 21)
+_, axes = plt.subplots(layout="constrained")
 for result, label in ((bare, "reflection alone"), (guarded, "with ghosts")):
-    plt.stairs(np.histogram(result.variables["y"][-1], edges)[0], edges, label=label)
-plt.gca().set(xlabel="distance to the floor", ylabel="particles")
-plt.legend()
+    axes.stairs(np.histogram(result.variables["y"][-1], edges)[0], edges, label=label)
+axes.set(xlabel="distance to the floor", ylabel="particles")
+axes.legend()
 plt.show()

@@ -34,5 +34,7 @@ data.density.plot(col="time", cmap="viridis", figsize=(9.0, 3.0))
 plt.show()
 
 # %%
-data.density.sum("x").plot.line(x="y")
+along_y = (data.density.sum("x") * 0.05).rename("mass per unit of y")
+_, axes = plt.subplots(layout="constrained")
+along_y.plot.line(x="y", ax=axes)
 plt.show()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import ellipsoid_coupling as ec
 
 sys.path.insert(0, str(Path(__file__).parent))
+from docstrings import keep_properties, list_entries
 from written_pictures import png_scraper
 
 project = "ellipsoid_coupling"
@@ -25,6 +27,8 @@ extensions = [
 suppress_warnings = ["config.cache"]
 exclude_patterns = ["gallery/sg_execution_times.rst"]
 myst_heading_anchors = 3
+# Else --out becomes a dash and a word.
+smartquotes = False
 
 html_theme = "furo"
 html_title = f"Ellipsoid coupling {version}"
@@ -38,6 +42,9 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_use_ivar = True
+# Docstrings have names in single backticks.
+default_role = "literal"
 
 sphinx_gallery_conf = {
     # Both from the folder of the laid-out sources.
@@ -52,3 +59,9 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "min_reported_time": 1e9,
 }
+
+
+def setup(app: Any) -> None:
+    """Both sides of napoleon, which has the priority 500."""
+    app.connect("autodoc-process-docstring", list_entries, priority=400)
+    app.connect("autodoc-process-docstring", keep_properties, priority=600)

@@ -63,8 +63,22 @@ def command_line() -> str:
 
 
 def python_api() -> str:
-    """Directives of sphinx for the public names."""
-    return "".join(_directive(f"ellipsoid_coupling.{name}") for name in ec.__all__)
+    """Directives of sphinx for the public names, errors last."""
+    paths = [f"ellipsoid_coupling.{name}" for name in ec.__all__]
+    errors = [path for path in paths if _is_error(path)]
+    others = [path for path in paths if path not in errors]
+    return f"{''.join(map(_directive, others))}## Errors\n\n{''.join(map(_directive, errors))}"
+
+
+def _is_error(path: str) -> bool:
+    thing = _named(path)
+    return isinstance(thing, type) and issubclass(thing, Exception)
+
+
+def _named(path: str) -> object:
+    module, _, name = path.rpartition(".")
+    thing: object = getattr(importlib.import_module(module), name)
+    return thing
 
 
 def registration() -> str:
@@ -73,11 +87,8 @@ def registration() -> str:
 
 
 def _directive(path: str) -> str:
-    module, _, name = path.rpartition(".")
-    thing = getattr(importlib.import_module(module), name)
-    kind = "function"
-    if isinstance(thing, type):
-        kind = "exception" if issubclass(thing, Exception) else "class"
+    is_class = isinstance(_named(path), type)
+    kind = "exception" if _is_error(path) else "class" if is_class else "function"
     members = "   :members:\n   :exclude-members: model_config\n" if kind == "class" else ""
     # Shown under the name that a user imports it by, though defined elsewhere.
     return f"```{{eval-rst}}\n.. auto{kind}:: {path}\n{members}```\n\n"

@@ -16,7 +16,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.cli import app
+from ellipsoid_coupling.cli import app, main
 
 sys.path.append(str(Path(__file__).parents[2] / "workflows" / "docs"))
 import build
@@ -139,6 +139,18 @@ def test_the_python_page_has_every_public_name() -> None:
     text = from_code.python_api()
     for name in ec.__all__:
         assert f":: ellipsoid_coupling.{name}\n" in text
+
+
+def test_the_first_scene_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file of "Getting started" loads, and its terms are those that the page names."""
+    page = (TOP / "workflows" / "docs" / "pages" / "getting_started.md").read_text("utf-8")
+    file = tmp_path / "my.toml"
+    file.write_text(page.split("```toml\n")[1].split("```")[0])
+    assert ec.load_scene(file).name == "my"
+    with pytest.raises(SystemExit) as ended:
+        main(["plan", str(file), "--model", "rho_mono_kinetic"])
+    assert ended.value.code == 0
+    assert "strength 1" in capsys.readouterr().out
 
 
 def test_unknown_marks_and_folders_of_others_are_refused(tmp_path: Path) -> None:

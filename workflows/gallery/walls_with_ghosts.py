@@ -3,8 +3,8 @@ Walls with ghosts
 =================
 
 A wall that reflects lets particles lie against it. Ghost particles on the wall push them off: they
-have the pair potential of a particle, some times stronger. Here a cloud is pressed onto the floor
-by nothing but its own repulsion.
+have the pair potential of a particle, some times stronger. Here a cloud spreads over the floor by its
+own repulsion, and a shear flow carries it against the right wall.
 """
 
 from pathlib import Path
@@ -17,9 +17,9 @@ from ellipsoid_coupling.output.figures import draw_ellipses
 
 cloud = {
     "name": "walls",
-    "times": [0.5, 4.0],
+    "times": [0.5, 3.0],
     "domain": {"x": [0.0, 1.0], "y": [0.0, 1.0], "boundary": "reflecting"},
-    "particles": {"length": 0.06, "width": 0.03, "inertia": 0.001, "number": 300},
+    "particles": {"length": 0.06, "width": 0.03, "inertia": 0.001, "number": 200},
     "start": {"x": [0.3, 0.7], "y": [0.05, 0.3]},
     "flow": {"source": "closed_form", "field": "shear", "drag": 2.0, "angular_drag": 2.0},
     "interaction": {"strength": 1.0},

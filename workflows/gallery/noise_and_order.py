@@ -17,18 +17,16 @@ from numpy.typing import NDArray
 
 import ellipsoid_coupling as ec
 
-scene = ec.load_scene(
-    {
-        "name": "noise_and_order",
-        "times": list(np.arange(0.5, 15.1, 0.5)),
-        "domain": {"x": [-6.0, 6.0], "y": [-6.0, 6.0], "boundary": "open"},
-        "particles": {"length": 0.2, "width": 0.1, "number": 500, "realisations": 8},
-        "start": {"x": [-1.0, 1.0], "y": [-1.0, 1.0], "angle": np.pi / 2},
-        "angular_potential": {"kind": "axis", "amplitude": 2.0},
-        "noise": {"noise": 1.0, "angular_noise": 1.0},
-        "numerics": {"cell": 0.2, "tolerance": 1e-2},
-    }
-)
+table = {
+    "name": "noise_and_order",
+    "times": list(np.arange(0.5, 15.1, 0.5)),
+    "domain": {"x": [-6.0, 6.0], "y": [-6.0, 6.0], "boundary": "open"},
+    "particles": {"length": 0.2, "width": 0.1, "number": 500, "realisations": 8},
+    "start": {"x": [-1.0, 1.0], "y": [-1.0, 1.0], "angle": np.pi / 2},
+    "angular_potential": {"kind": "axis", "amplitude": 2.0},
+    "noise": {"noise": 1.0, "angular_noise": 1.0},
+    "numerics": {"cell": 0.2, "tolerance": 1e-2},
+}
 
 
 def order(result: ec.Result) -> NDArray[np.float64]:
@@ -47,10 +45,8 @@ expected = float((weight * np.cos(2.0 * theta)).sum() / weight.sum())
 
 _, axes = plt.subplots(layout="constrained")
 for strength in (0.5, 1.0, 2.0):
-    run = ec.simulate(
-        ec.load_scene(scene.model_dump(exclude_none=True), {"noise.angular_noise": strength}),
-        model="microscopic",
-    )
+    scene = ec.load_scene(table, {"noise.angular_noise": strength})
+    run = ec.simulate(scene, model="microscopic")
     axes.plot(run.times, order(run), label=f"B = {strength:g}")
 axes.axhline(expected, color="0.4", linestyle="--", label="equilibrium")
 axes.set(xlabel="time", ylabel="S", ylim=(0.0, 1.0))

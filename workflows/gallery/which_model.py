@@ -16,13 +16,13 @@ from ellipsoid_coupling.output.figures import draw_frontier
 from ellipsoid_coupling.simulation import scene_flow
 
 settings = {
-    "interaction": None,
-    "times": [0.5, 1.0],
+    "times": [1.0, 2.0],
+    "flow.cells": 32,
     "particles.number": 200,
     "particles.realisations": 16,
-    "numerics.cell": 0.1,
+    "numerics.cell": 0.05,
 }
-scene = ec.load_scene("rotation", settings)
+scene = ec.load_scene("cavity_free", settings)
 flow = scene_flow(scene)
 
 # %%
@@ -31,4 +31,4 @@ flow = scene_flow(scene)
 models = ["microscopic", "mckean_vlasov", "rho_mono_kinetic"]
 frontier = run_frontier(scene, flow, models=models, longest=0.2)
 rows = [row for row in frontier.rows if row.status == "completed"]
-draw_frontier(rows, Path("frontier.png"), title="Rotation without interaction")
+draw_frontier(rows, Path("frontier.png"), title="Cavity without interaction")

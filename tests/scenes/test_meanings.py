@@ -2,47 +2,50 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 import sys
 from pathlib import Path
 
-from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, OUTER_POTENTIALS
+import pytest
+
 from ellipsoid_coupling.scenes.meanings import MEANINGS
 from ellipsoid_coupling.scenes.scene import Flow, Numerics, Particles
 
-sys.path.append(str(Path(__file__).parents[2] / "workflows" / "docs"))
-import scene_keys
+SCRIPTS = Path(__file__).parents[2] / "workflows" / "docs"
+
+Keys = dict[str, tuple[str, str]]
 
 
-def own_keys() -> list[scene_keys.Key]:
-    """All keys but those of kinds that other tests have registered in this process."""
-    package = {"harmonic", "sine", "axis", "periodic", "reflect", "remove", "stick"}
-    known = {*OUTER_POTENTIALS.known(), *ANGULAR_POTENTIALS.known()}
-    return [
-        key for key in scene_keys.scene_keys() if not {*key.name.split(".")} & (known - package)
-    ]
+@pytest.fixture(scope="module")
+def keys() -> Keys:
+    """(default, allowed values) by key, from a process in which no test has registered a kind."""
+    script = "import json, scene_keys; print(json.dumps(list(scene_keys.scene_keys())))"
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, check=True)
+    listed = json.loads(done.stdout)
+    assert len({name for name, _, _ in listed}) == len(listed)
+    return {name: (default, allowed) for name, default, allowed in listed}
 
 
-def test_the_meanings_are_those_of_the_keys() -> None:
-    keys = [key.name for key in own_keys()]
-    assert len(keys) == len(set(keys))
+def test_the_meanings_are_those_of_the_keys(keys: Keys) -> None:
+    """A new key needs a line in scenes/meanings.py."""
     assert set(keys) == set(MEANINGS)
     for text, _ in MEANINGS.values():
         assert text
         assert not text.endswith(".")
 
 
-def test_the_walk_reaches_every_field() -> None:
+def test_the_walk_reaches_every_field(keys: Keys) -> None:
     """Counted another way: the fields of three sections, by name."""
-    keys = {key.name for key in scene_keys.scene_keys()}
     for section, part in (("particles", Particles), ("flow", Flow), ("numerics", Numerics)):
-        assert {f"{section}.{name}" for name in part.model_fields} <= keys
+        assert {f"{section}.{name}" for name in part.model_fields} <= set(keys)
 
 
-def test_defaults_and_ranges_are_those_of_the_code() -> None:
-    keys = {key.name: key for key in scene_keys.scene_keys()}
-    assert keys["numerics.cfl"].default == "0.9"
-    assert keys["numerics.cfl"].allowed == "number, at least 1e-06, at most 1"
-    assert keys["domain.boundary"].allowed == '"open", "reflecting", "periodic"'
-    assert keys["particles.length"].default == "required"
-    assert keys["start.points"].allowed == "[[number, ...], ...]"
-    assert keys["angular_potential.kind"].default == '"sine"'
+def test_defaults_and_ranges_are_those_of_the_code(keys: Keys) -> None:
+    assert keys["numerics.cfl"] == ("0.9", "number, at least 1e-06, at most 1")
+    assert keys["domain.boundary"] == ("required", '"open", "reflecting", "periodic"')
+    assert keys["particles.length"] == ("required", "number, above 0")
+    assert keys["start.points"][1] == "[[number, ...], ...]"
+    assert keys["angular_potential.kind"] == ('"sine"', '"axis", "sine"')
+    assert keys["walls.sides"][0] == '["left", "right", "bottom", "top"]'

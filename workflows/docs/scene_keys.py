@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from importlib import import_module
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 from pydantic import TypeAdapter
@@ -23,6 +24,10 @@ _BOUNDS = {
     "maximum": "at most {:g}",
 }
 _TYPES = {"number": "number", "integer": "whole number", "string": "text"}
+
+
+# Makes the package's own kinds of boundary known, with their parameters.
+import_module("ellipsoid_coupling.geometry.boundaries")
 
 
 class Key(NamedTuple):

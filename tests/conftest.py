@@ -15,6 +15,7 @@ from ellipsoid_coupling.flow import FlowField, analytic_flow
 LONG_FILES = [
     "test_same_bits.py",
     "test_workflows.py",
+    "test_gallery.py",
     "test_stability.py",
     "test_resume.py",
     "test_extreme_units.py",

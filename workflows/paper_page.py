@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import time
 from collections.abc import Sequence
@@ -112,7 +113,7 @@ class Page:
         self.runs.append((scene, model, scheme, "", "", f"failed: {message}"))
 
     def write(self) -> Path:
-        """index.html, written beside and renamed."""
+        """index.html and verdicts.csv, written beside and renamed."""
         verdicts = [
             (v.statement, v.scheme, "reproduces" if v.holds else "does not reproduce", v.evidence)
             for v in sorted(self.verdicts, key=lambda v: (v.statement, v.scheme != "paper"))
@@ -143,6 +144,11 @@ class Page:
         path = self.folder / "index.html"
         with whole_file(path) as beside:
             beside.write_text(text, encoding="utf-8")
+        with (
+            whole_file(self.folder / "verdicts.csv") as beside,
+            beside.open("w", newline="") as file,
+        ):
+            csv.writer(file).writerows([("statement", "scheme", "verdict", "evidence"), *verdicts])
         return path
 
 

@@ -53,6 +53,16 @@ make_environment() {
     echo "$wanted" >.venv/made-from
 }
 
+# What docs.sh needs beside that: sphinx and its extensions.
+make_documentation_tools() {
+    local wanted
+    wanted=$(sha256sum <workflows/docs.lock)
+    [ "$(cat .venv/docs-made-from 2>/dev/null)" = "$wanted" ] && return
+    say "setting up: sphinx, with the packages of workflows/docs.lock"
+    .venv/bin/python -m pip install -qq --disable-pip-version-check --require-hashes --no-deps -r workflows/docs.lock
+    echo "$wanted" >.venv/docs-made-from
+}
+
 bring_openfoam() {
     command -v icoFoam >/dev/null && return
     say "setting up: OpenFOAM by apt-get (a minute or two)"

@@ -71,7 +71,7 @@ def register_flow(name: str, psi: StreamFunction) -> None:
     name : str
         What scene files call it.
     psi : callable
-        (x, y, **parameters) -> psi, with u = (d psi/dy, -d psi/dx): numpy arrays (ny+1, nx+1) of
+        ``(x, y, **parameters)`` -> psi, with u = (d psi/dy, -d psi/dx): numpy arrays (ny+1, nx+1) of
         places, and psi there. Its further arguments are the keys of `[flow.parameters]`; those with a
         default may be left out.
 

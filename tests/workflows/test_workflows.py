@@ -162,7 +162,7 @@ def _look_at_it_in_a_browser(folder: Path) -> None:
     assert shot[..., :3].std() > 0.05
 
 
-@pytest.mark.parametrize("script", ["run.sh", "test.sh", "setup.sh"])
+@pytest.mark.parametrize("script", ["run.sh", "test.sh", "docs.sh", "results.sh", "setup.sh"])
 def test_the_shell_scripts_parse(script: str) -> None:
     subprocess.run(["bash", "-n", str(WORKFLOWS / script)], check=True)
 

@@ -31,6 +31,12 @@ MEANINGS = {
         "what happens at the side left, right, bottom or top, or at a patch of the flow's case; other keys "
         "are the numbers of the kind"
     ),
+    "boundaries.NAME.inlet.density": Meaning(
+        "that the fluid carries in, where a mass of 1 starts", "1/length^2"
+    ),
+    "boundaries.NAME.inlet.angle": Meaning(
+        "of what comes in; that of the start where it is not given", "rad"
+    ),
     "particles.length": Meaning("L, the full length along the main axis", "length"),
     "particles.width": Meaning("D, the full width, at most the length", "length"),
     "particles.mass": Meaning("m of one particle", "mass"),
@@ -46,6 +52,12 @@ MEANINGS = {
     "start.points": Meaning(
         "one [x, y] or [x, y, angle] a particle; the box then follows from them", "length, rad"
     ),
+    "flow.case": Meaning("path of a solved case, relative to the scene's file; in place of field"),
+    "flow.time": Meaning(
+        "which times of the case: latest, all, a number, or [t0, t1]; linear in time in between",
+        "time",
+    ),
+    "flow.repeat": Meaning("whether the first time follows again after the last one"),
     "flow.source": Meaning("a solved OpenFOAM case, or a formula"),
     "flow.field": Meaning("the name of the case or of the formula, or the path of a case"),
     "flow.cells": Meaning("cells a side when a case is solved or a formula is sampled", "1"),
@@ -53,7 +65,9 @@ MEANINGS = {
     "flow.angular_drag": Meaning("gamma_bar, the same for angular velocities", "1/time"),
     "flow.parameters": Meaning("numbers by name, those of a registered formula"),
     "interaction.strength": Meaning("eps0 of the pair potential", "mass length^2/time^2"),
-    "walls.sides": Meaning("the walls that have ghost particles or ghost cells"),
+    "walls.sides": Meaning(
+        "the sides or patches that have ghost particles or ghost cells; all that reflect without it"
+    ),
     "walls.strength_factor": Meaning("a ghost's strength over a particle's", "1"),
     "walls.ghost_density": Meaning(
         "of ghost cells: the ghost particles' strength along the wall, or 1/cell^2 as printed in the paper"

@@ -10,9 +10,10 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
+from ellipsoid_coupling.scenes.boundary import BoundaryPart
 from ellipsoid_coupling.scenes.kinds import Kinds
 from ellipsoid_coupling.scenes.meanings import MEANINGS
-from ellipsoid_coupling.scenes.scene import BoundaryPart, Scene
+from ellipsoid_coupling.scenes.scene import Scene
 from ellipsoid_coupling.scenes.sides import keys_of, known_kinds
 from ellipsoid_coupling.scenes.values import Part
 
@@ -23,7 +24,12 @@ _BOUNDS = {
     "exclusiveMaximum": "below {:g}",
     "maximum": "at most {:g}",
 }
-_TYPES = {"number": "number", "integer": "whole number", "string": "text"}
+_TYPES = {
+    "boolean": "true or false",
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+}
 
 
 # Makes the package's own kinds of boundary known, with their parameters.

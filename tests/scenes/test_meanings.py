@@ -48,4 +48,4 @@ def test_defaults_and_ranges_are_those_of_the_code(keys: Keys) -> None:
     assert keys["particles.length"] == ("required", "number, above 0")
     assert keys["start.points"][1] == "[[number, ...], ...]"
     assert keys["angular_potential.kind"] == ('"sine"', '"axis", "sine"')
-    assert keys["walls.sides"][0] == '["left", "right", "bottom", "top"]'
+    assert keys["walls.sides"][0] == "–"

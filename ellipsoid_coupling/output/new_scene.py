@@ -19,7 +19,6 @@ from ellipsoid_coupling.geometry.patches import kind_of_type
 from ellipsoid_coupling.output.scene_choices import Choices, Wishes, choose
 from ellipsoid_coupling.physics.stokes import LARGEST_REYNOLDS
 from ellipsoid_coupling.scenes.files import toml_key, toml_value
-from ellipsoid_coupling.scenes.scene import Flow
 from ellipsoid_coupling.scenes.sides import SIDES, known_kinds
 
 # An inlet or outlet lets this part of the larger of its flows through in the other direction, at most.
@@ -142,13 +141,10 @@ def _flow(c: Choices, case: str, viscosity: float | None) -> list[str]:
             f"# Reynolds number of a particle at rest in the fastest fluid: {reynolds:.2g}"
             f"{'; beyond 1 the true drag is larger' if beyond else ''}.",
         ]
-    place = [_line("case", case)] if "case" in Flow.model_fields else []
     return [
         *why,
         "[flow]",
-        _line("source", "openfoam"),
-        _line("field", c.name, "given by --flow CASE"),
-        *place,
+        _line("case", case, "or another one by --flow CASE"),
         _line("drag", c.rates.drag, "gamma, per time"),
         _line("angular_drag", c.rates.angular_drag, "gamma_bar, per time"),
     ]

@@ -117,6 +117,15 @@ def plain_name(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+@pytest.mark.skipif(not (TOP / ".git").exists(), reason="not a checkout")
+def test_no_page_is_ignored_by_git() -> None:
+    """Rules for results of runs also match folders of pages."""
+    command = ["git", "-C", str(TOP), "ls-files", "--others", "--ignored", "--exclude-standard"]
+    folders = ["workflows/docs", "workflows/gallery", "workflows/pictures"]
+    done = subprocess.run([*command, *folders], capture_output=True, text=True, check=True)
+    assert [path for path in done.stdout.splitlines() if "__pycache__" not in path] == []
+
+
 def test_broken_links_are_found(tmp_path: Path) -> None:
     (tmp_path / "one.html").write_text(
         '<a href="two.html#here"></a><a href="two.html#there"></a><a href="#top"></a>'

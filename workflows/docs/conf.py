@@ -54,6 +54,8 @@ sphinx_gallery_conf = {
     "image_scrapers": ("matplotlib", png_scraper),
     "plot_gallery": os.environ["DOCS_RUN_EXAMPLES"],
     "abort_on_example_error": True,
+    # What an example prints, and not what its last line happens to return.
+    "capture_repr": (),
     "download_all_examples": False,
     "show_signature": False,
     "write_computation_times": False,

@@ -58,7 +58,7 @@ def test_the_main_job_leaves_all_it_promises(
         reader = pyvista.PVDReader(str(series))
         assert reader.time_values == [2.0, 3.5, 5.0]
         assert all(block.n_points for block in reader.read())
-    assert len(list((folder / "paraview" / "flow").iterdir())) == 5
+    assert len(list((folder / "paraview" / "flow").iterdir())) == 6
     assert len(list((folder / "runs").iterdir())) == 8
 
 

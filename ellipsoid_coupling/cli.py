@@ -21,6 +21,9 @@ from ellipsoid_coupling.options import (
     OptionalWhole,
     Output,
     Settings,
+    Span,
+    SweepLists,
+    SweepPlace,
     Whole,
 )
 from ellipsoid_coupling.output.progress import ProgressReporter, Waiting
@@ -44,6 +47,7 @@ def _print(*lines: str) -> None:
 
 
 _OUTPUT, _KEEPING, _FLOW = Output(), Keeping(), FlowChoice()
+_LISTS, _PLACE = SweepLists(), SweepPlace()
 
 
 def _scene(name: str, settings: list[str] | None) -> Scene:
@@ -125,7 +129,7 @@ def run(
     flow: FlowChoice = _FLOW,
     set_: Settings = None,
     seed: OptionalWhole = None,
-    realisations: OptionalWhole = None,
+    realisations: Span = None,
     keeping: Keeping = _KEEPING,
 ) -> None:
     """Run one model on one scene; without --out into results/....
@@ -141,7 +145,7 @@ def run(
     seed
         Fixes start positions and noise.
     realisations
-        Instead of the scene's number.
+        Instead of the scene's number; A:B for those of these numbers, a part of a larger run.
     """
     from ellipsoid_coupling.models import scheme_named
     from ellipsoid_coupling.scenes import load_run_part
@@ -163,12 +167,67 @@ def run(
             numerics,
             flow=given,
             seed=seed if seed is not None else before.seed,
-            realisations=realisations if realisations is not None else before.realisations,
+            realisations=realisations if realisations is not None else before.numbers,
             folder=folder,
             report=report,
         )
     _print_summary(f"{chosen.name}: {name}, {numerics}", result.attributes)
     _print(str(folder.path))
+
+
+@app.command
+def sweep(
+    scene: str | None = None,
+    /,
+    *,
+    model: str | None = None,
+    scheme: str | None = None,
+    set_: Settings = None,
+    lists: SweepLists = _LISTS,
+    flow: FlowChoice = _FLOW,
+    place: SweepPlace = _PLACE,
+) -> None:
+    """Run a scene at all combinations of lists of values; without --out into results/....
+
+    Parameters
+    ----------
+    scene
+        A built-in scene, a TOML file, or the sweep.toml of an earlier sweep; with --resume and --collect
+        that of --out if left out.
+    model
+        One, or several with commas between them: microscopic,rho_mono_kinetic.
+    scheme
+        paper (the paper's numerics) or accurate.
+    set_
+        Lists of values: key=a,b,c ...; commas in brackets belong to a value.
+    """
+    from ellipsoid_coupling.models import scheme_named
+    from ellipsoid_coupling.scenes import load_scene
+    from ellipsoid_coupling.sweeps import (
+        Where,
+        described,
+        require_completed,
+        run_sweep,
+        run_task,
+        statuses_of,
+    )
+
+    place.check()
+    numerics = None if scheme is None else scheme_named(scheme).name
+    told = lists.table() | {"models": model, "scheme": numerics} | flow.table()
+    what = described(scene, told, set_ or [], place.out)
+    given = flow.of_earlier_run(scene, load_scene(what.scene))
+    with place.folder(f"sweep-{what.name}") as folder, ProgressReporter("sweep") as report:
+        if place.task is not None:
+            statuses = run_task(
+                what, folder, place.task, resume=place.resume, flow=given, report=report
+            )
+        else:
+            where = Where(place.workers, place.scheduler, place.collect)
+            data = run_sweep(what, folder, where, resume=place.resume, flow=given, report=report)
+            statuses = statuses_of(data)
+    _print(str(folder))
+    require_completed(statuses)
 
 
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:

@@ -24,6 +24,8 @@ class Setup:
     """Everything that a model is built from; two equal setups give the same bits.
 
     `flow` is None for a scene without a fluid, and in `Model.require_fit`, which looks at the scene alone.
+    The run holds `realisations` from number `first_realisation` on. Their numbers name their random
+    numbers, so that a part of a large run has the bits that it has in the whole.
     """
 
     scene: Scene
@@ -32,6 +34,7 @@ class Setup:
     flow: FlowField | None
     seed: int
     realisations: int
+    first_realisation: int = 0
 
 
 class Health(NamedTuple):

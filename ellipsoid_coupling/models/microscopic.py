@@ -60,7 +60,7 @@ class Microscopic(ParticleModel):
     def __init__(self, name: str, setup: Setup) -> None:
         scene, realisations = setup.scene, setup.realisations
         number = scene.particles.number
-        points = random_points(scene, setup.seed, realisations)
+        points = random_points(scene, setup.seed, realisations, setup.first_realisation)
         super().__init__(name, setup, start_at_rest(setup, points, realisations), number)
         self._drift = scene_drift(setup)
         self._large = LargeCloud(self._drift, number) if number >= LARGE_CLOUD else None

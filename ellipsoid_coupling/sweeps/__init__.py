@@ -2,8 +2,8 @@
 
 from ellipsoid_coupling.sweeps.command import described, require_completed, statuses_of
 from ellipsoid_coupling.sweeps.description import Lists, Sweep
-from ellipsoid_coupling.sweeps.run_sweep import Where, run_sweep, run_task
-from ellipsoid_coupling.sweeps.sweep import scene_table, sweep
+from ellipsoid_coupling.sweeps.from_python import scene_table, sweep
+from ellipsoid_coupling.sweeps.running import Where, run_sweep, run_task
 
 __all__ = [
     "Lists",

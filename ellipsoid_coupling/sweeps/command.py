@@ -11,8 +11,8 @@ from ellipsoid_coupling.files.reading import is_ordinary
 from ellipsoid_coupling.scenes import load_run_part, load_scene
 from ellipsoid_coupling.sweeps.description import Sweep, checked_lists, is_sweep_file
 from ellipsoid_coupling.sweeps.folder import SWEEP_FILE
+from ellipsoid_coupling.sweeps.from_python import scene_table
 from ellipsoid_coupling.sweeps.points import parsed, split_values
-from ellipsoid_coupling.sweeps.sweep import scene_table
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -26,8 +26,8 @@ MOST_POINTS = 1_000_000
 _PARTS = {"sweep", "versions", "scene"}
 # Along one axis of results.nc.
 _COMMON = {
-    "times": "all points are saved at the scene's times",
-    "name": "folders are named after it",
+    "times": "one list, as all points are saved at the same times",
+    "name": "one name for all points",
 }
 
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED)]
@@ -205,8 +205,8 @@ def _check(lists: Lists) -> None:
         raise InputError("sweep", expected, f"{len(sizes)} lists", "Change it.")
     for key in lists.keys:
         if key in _COMMON or lists.keys.count(key) > 1 or key in ("model", "seed", "point"):
-            why = _COMMON.get(key, "a key of the scene, once")
-            raise InputError(f"--set {key}", why, "a list of it", "Take it out of the sweep.")
+            expected = _COMMON.get(key, "a key of the scene, once")
+            raise InputError(f"--set {key}", expected, "several", "Take it out of the sweep.")
     if lists.zipped and len(set(sizes)) != 1:
         raise InputError(
             "--zip", "lists of one length", f"lengths {sizes}", "Give each --set as many values."

@@ -27,7 +27,6 @@ from ellipsoid_coupling.files.reading import exists, is_folder, output_folder, r
 from ellipsoid_coupling.files.writing import cannot_write
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.storage.run_folder import require_free
 from ellipsoid_coupling.sweeps.description import Sweep
 
 SWEEP_FILE, RESULTS_FILE = "sweep.toml", "results.nc"
@@ -52,18 +51,23 @@ def begin(path: Path, sweep: Sweep, *, resume: bool, shared: bool = False) -> No
         For a folder that holds another sweep, or anything else; nothing is changed then.
     """
     file = path / SWEEP_FILE
-    if (resume or shared) and exists(file):
-        _require_same(file, sweep)
-        return
+    if not ((resume or shared) and exists(file)):
+        _require_free(path, shared=shared)
+        sweep.save(file)
+    _require_same(file, sweep)
+
+
+def _require_free(path: Path, *, shared: bool) -> None:
+    """Refuse a folder that holds something; `shared`: but for what other tasks have just begun."""
     output_folder(path)
-    if shared:
-        held = {entry.name for entry in path.iterdir()} if is_folder(path) else set()
-        # Another task writes the same sweep.toml beside its name at this moment.
-        if not all(name.startswith(".sweep.") for name in held - {SWEEP_FILE}):
-            require_free(path, force=exists(file))
-    else:
-        require_free(path, force=False)
-    sweep.save(file)
+    held = {entry.name for entry in path.iterdir()} if is_folder(path) else set()
+    if shared and (SWEEP_FILE in held or all(name.startswith(".sweep.") for name in held)):
+        return
+    if held:
+        raise InputError(
+            f"--out {path}", "a new or empty folder", f"one that holds {min(held)}",
+            "Choose another --out; a sweep goes on with --resume.",
+        )  # fmt: skip
 
 
 def _require_same(file: Path, sweep: Sweep) -> None:

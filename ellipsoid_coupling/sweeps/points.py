@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.scenes import parse_setting
+from ellipsoid_coupling.scenes.files import table_to_toml
 
 # Longer lists name their runs by the number alone, so that folders have names that systems allow.
 _LONGEST_LABEL = 60
@@ -84,11 +83,11 @@ def value_text(value: object) -> str:
     if hasattr(value, "tolist"):  # numpy's numbers and arrays
         value = value.tolist()
     if isinstance(value, Mapping):
-        inner = ", ".join(f"{json.dumps(k)} = {value_text(v)}" for k, v in value.items())
+        inner = ", ".join(f"{value_text(k)} = {value_text(v)}" for k, v in value.items())
         return f"{{{inner}}}"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return f"[{', '.join(map(value_text, value))}]"
-    return json.dumps(value)
+    return table_to_toml({"value": value}).strip().partition(" = ")[2]
 
 
 def parsed(key: str, text: str) -> object:
@@ -99,10 +98,10 @@ def parsed(key: str, text: str) -> object:
 def coordinate(key: str, texts: Sequence[str]) -> list[float] | list[str]:
     """The values of a parameter for an axis: numbers where all of them are, else their texts."""
     values = [parsed(key, text) for text in texts]
-    numbers = [float(v) for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
-    if len(numbers) == len(values) and all(map(math.isfinite, numbers)):
-        return numbers
-    return [str(v) if isinstance(v, str) else t for v, t in zip(values, texts, strict=True)]
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    if len(numbers) == len(values):
+        return list(numbers)
+    return [v if isinstance(v, str) else text for v, text in zip(values, texts, strict=True)]
 
 
 def run_name(index: int, count: int, model: str, labels: Sequence[tuple[str, str]]) -> str:

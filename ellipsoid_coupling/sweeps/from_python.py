@@ -13,7 +13,7 @@ from ellipsoid_coupling.scenes import Scene, load_scene
 from ellipsoid_coupling.storage.run_folder import numbered_folder
 from ellipsoid_coupling.sweeps.description import Sweep, checked_lists
 from ellipsoid_coupling.sweeps.points import value_text
-from ellipsoid_coupling.sweeps.run_sweep import Report, Where, run_sweep
+from ellipsoid_coupling.sweeps.running import Report, Where, run_sweep
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -206,22 +206,27 @@ def run_task(
 
 def check_points(sweep: Sweep, points: Sequence[Point]) -> float:
     """Refuse a sweep of which any point does not fit; the memory in bytes that the largest takes."""
-    need = 0.0
+    needs = dict[tuple[object, ...], float]()
     for point in points:
-        try:
-            scene = sweep.scene_of(point)
-            setup = checked_setup(scene, point.model, sweep.lists.scheme, point.seed, point.numbers)
-        except InputError as error:
-            raise InputError(
-                f"point {point.name}: {error.where}", error.expected, error.found, error.remedy
-            ) from None
-        if point.numbers is not None and not kind_named(point.model).independent_realisations:
-            raise InputError(
-                f"point {point.name}: --realisations", "a model with independent realisations",
-                point.model, "Leave it out for this model.",
-            )  # fmt: skip
-        need = max(need, peak_memory(kind_named(point.model), setup))
-    return need
+        # Seeds make no difference.
+        kind = point.model, repr(point.settings), len(point.numbers or ())
+        if kind not in needs:
+            try:
+                needs[kind] = _checked_need(sweep, point)
+            except InputError as error:
+                where = f"point {point.name}: {error.where}"
+                raise InputError(where, error.expected, error.found, error.remedy) from None
+    return max(needs.values())
+
+
+def _checked_need(sweep: Sweep, point: Point) -> float:
+    """The memory that a point takes; InputError for one that cannot be run."""
+    scene, kind = sweep.scene_of(point), kind_named(point.model)
+    setup = checked_setup(scene, point.model, sweep.lists.scheme, point.seed, point.numbers)
+    if point.numbers is not None and not kind.independent_realisations:
+        expected = "a model with independent realisations"
+        raise InputError("--realisations", expected, point.model, "Leave it out for this model.")
+    return peak_memory(kind, setup)
 
 
 def fitting_workers(asked: int | None, points: int, need: float) -> int:

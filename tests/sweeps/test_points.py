@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -115,7 +116,7 @@ def test_realisations_are_split_within_each_place() -> None:
         ({"unknown": 1}, "unknown"),
     ],
 )  # fmt: skip
-def test_lists_that_do_not_fit_are_refused(lists: dict[str, object], part: str) -> None:
+def test_lists_that_do_not_fit_are_refused(lists: dict[str, Any], part: str) -> None:
     with pytest.raises(InputError, match=part):
         small_sweep(**lists)
 

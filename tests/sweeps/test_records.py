@@ -97,8 +97,8 @@ def test_series_of_a_q_grid_are_those_of_its_density() -> None:
 
 def two_models() -> tuple[Sweep, dict[tuple[int, ...], Any]]:
     sweep = small_sweep(models=["rho_mono_kinetic", "microscopic"], seeds=[0, 1])
-    results = {(0, 0): cells(0.0), (0, 1): cells(1.0), (1, 0): particles(0), (1, 1): particles(1)}
-    return sweep, results
+    results = [cells(0.0), cells(1.0), particles(0), particles(1)]
+    return sweep, dict(zip(np.ndindex(2, 2), results, strict=True))
 
 
 def test_errors_are_those_of_compare() -> None:
@@ -116,8 +116,8 @@ def test_errors_are_those_of_compare() -> None:
 
 def test_points_without_a_result_are_nan_and_say_why() -> None:
     sweep, results = two_models()
-    records = {(0, 0): record_of(results[0, 0]), (0, 1): failed("no step"), (1, 0): MISSING}
-    data = assemble(sweep, records, {(0, 0): "runs/a"})
+    records = [record_of(results[0, 0]), failed("no step"), MISSING]
+    data = assemble(sweep, dict(zip(np.ndindex(2, 2), records)), {(0, 0): "runs/a"})  # noqa: B905
     statuses = [["completed", "failed: no step"], ["missing", "missing"]]
     assert data["status"].values.tolist() == statuses
     assert data["steps"].values[0, 0] == 3.0

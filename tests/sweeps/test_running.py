@@ -106,7 +106,7 @@ def test_failed_points_are_listed_and_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run that fails and one that meets a bug end no other; resuming runs those two alone."""
-    real, asked = job_module.simulate, list[int]()
+    real, asked = ec.simulate, list[int]()
 
     def fragile(scene: ec.Scene, model: str, scheme: Any, **given: Any) -> ec.Result:
         asked.append(given["seed"])
@@ -217,9 +217,9 @@ def test_the_flow_is_kept_once_and_linked(tmp_path: Path) -> None:
         assert (run / "flow.npz").samefile(kept)
     scene = ec.load_scene("stationary", SETTINGS | {"flow": flow})
     alone = ec.simulate(scene, MODEL)
-    run = ec.Result.load(tmp_path / "sweep" / str(data["run"].values[0, 0]))
-    assert same_variables(run, alone)
-    assert run.attributes["flow_digest"] == alone.attributes["flow_digest"]
+    swept = ec.Result.load(tmp_path / "sweep" / str(data["run"].values[0, 0]))
+    assert same_variables(swept, alone)
+    assert swept.attributes["flow_digest"] == alone.attributes["flow_digest"]
 
 
 def test_a_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.sweeps import Where, run_sweep
 from tests.sweeps.small import MODEL, ON_COMMAND_LINE, SETTINGS, same_variables, small_sweep
+from tests.workflows.test_workflows import WORKFLOWS, workflow
 
 # Nothing here takes longer on a machine that others use as well.
 PATIENCE = 300.0
@@ -167,6 +168,34 @@ def test_a_cluster_survives_its_workers_and_its_client(scheduler: str, tmp_path:
             assert not (out / "results.nc").exists()
             ended(started([*words, "--resume"]))
     require_bits_of_single_runs(out, [0.05, 400.0])
+
+
+@pytest.mark.heavy
+def test_the_example_of_dask_jobqueue_runs_and_goes_on(
+    scheduler: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a cluster that is there already; the second time nothing is left to do."""
+    words = ["--quick", "--scheduler", scheduler, "--out", str(tmp_path / "s")]
+    with worker(tmp_path, scheduler, "a"):
+        for _ in range(2):
+            workflow("dask_jobqueue_example").main(words)
+    table = capsys.readouterr().out
+    assert table.count("particles.number") == 2
+    assert len(list((tmp_path / "s" / "runs").glob("*/result.nc"))) == 4
+
+
+def test_a_slurm_array_of_one_task_runs_all_points(tmp_path: Path) -> None:
+    """The script as SLURM calls it, with its variables."""
+    out = tmp_path / "sweep"
+    entry = tmp_path / "ellipsoid"
+    entry.write_text(f'#!/bin/sh\nexec {sys.executable} -m ellipsoid_coupling "$@"\n')
+    entry.chmod(0o755)
+    variables = {"SLURM_ARRAY_TASK_ID": "1", "SLURM_ARRAY_TASK_MAX": "1", "OUT": str(out)}
+    words = [str(WORKFLOWS / "sweep.slurm"), "stationary", "--model", MODEL, "--seeds", "0:2"]
+    told = ended(started([*words, "--set", *ON_COMMAND_LINE], **variables, ELLIPSOID=str(entry)))
+    assert "task 1 of 1" in told
+    assert {file.read_text().split()[0] for file in (out / "claims").iterdir()} == {"1/1"}
+    assert len(list((out / "runs").glob("*/result.nc"))) == 2
 
 
 def test_a_missing_extra_is_told_in_one_line(

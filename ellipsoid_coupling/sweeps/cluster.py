@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numba
@@ -72,7 +73,8 @@ def _connected(distributed: Any, address: str) -> Any:
 
 def _hand_out(client: Any, job: Job, points: Sequence[Point]) -> dict[Any, int]:
     """Give all points to the scheduler; each flow goes to the workers once."""
-    shared = client.scatter(job, hash=False, broadcast=True)
+    # The workers' own folders are others.
+    shared = client.scatter(replace(job, path=job.path.absolute()), hash=False, broadcast=True)
     flows: dict[str, Any] = {}
     handed = {}
     for point in points:

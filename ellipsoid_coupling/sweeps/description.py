@@ -16,6 +16,7 @@ from ellipsoid_coupling.files.limits import MOST_COUNT, MOST_SCENE_BYTES, MOST_S
 from ellipsoid_coupling.files.reading import is_ordinary, read_text
 from ellipsoid_coupling.files.versions import version
 from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.models import ADAPTIVE_SCHEME
 from ellipsoid_coupling.scenes import Scene, load_scene, parse_toml
 from ellipsoid_coupling.scenes.files import table_to_toml
 from ellipsoid_coupling.scenes.values import Line, Part, PathText
@@ -45,7 +46,7 @@ class Lists(Part):
     """
 
     models: Annotated[tuple[Line, ...], Strict(False), Field(min_length=1)]
-    scheme: Line = "accurate"
+    scheme: Line = ADAPTIVE_SCHEME
     keys: Annotated[tuple[Line, ...], Strict(False)] = ()
     values: Annotated[tuple[Texts, ...], Strict(False)] = ()
     zipped: bool = False

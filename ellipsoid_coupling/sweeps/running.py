@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Report = Callable[[str, float], None]
-Places = Iterator[tuple[int, Record]]
+Records = Iterator[tuple[int, Record]]
 
 # Seconds between two reports while nothing ends.
 _PAUSE = 0.2
@@ -73,10 +73,13 @@ class Where:
 
 
 class Progress:
-    """Tells how much of all points is done: those that have ended, and parts of those in hand."""
+    """Tells how much of all points is done: those that have ended, and parts of those in hand.
 
-    def __init__(self, name: str, total: int, report: Report | None) -> None:
-        self._stage, self._total, self._report = f"{name}: {total} points", total, report
+    stage : what is told beside, such as how many points there are and where they run
+    """
+
+    def __init__(self, stage: str, total: int, report: Report | None) -> None:
+        self._stage, self._total, self._report = stage, total, report
         self._ended, self._next = 0, 0.0
 
     def ended(self) -> None:
@@ -135,24 +138,37 @@ def run_sweep(
     job, records = Job(out, sweep), dict[int, Record]()
     if not where.collect:
         keep_flows(job, points, flow, report)
-    progress = Progress(sweep.name, len(points), report)
-    for index, record in _places(job, points, where, need, progress):
-        records[index] = record
+    workers, place = _place(where, len(points), need)
+    progress = Progress(f"{sweep.name}: {len(points)} points{place}", len(points), report)
+    progress.in_hand(0.0)
+    for number, record in _records(job, points, where, workers, progress):
+        records[number] = record
         progress.ended()
     data = collect(job, points, records)
     dataset.save(data, out / RESULTS_FILE)
     return data
 
 
-def _places(
-    job: Job, points: Sequence[Point], where: Where, need: float, progress: Progress
-) -> Places:
-    """The records of all points as they end, wherever they run."""
+def _place(where: Where, points: int, need: float) -> tuple[int, str]:
+    """How many processes of this machine, and in words where points run."""
+    if where.collect:
+        return 1, ""
+    if where.scheduler is not None:
+        return 1, f" on {where.scheduler}"
+    workers = fitting_workers(where.workers, points, need)
+    few = workers < min(cores(), points) and where.workers is None
+    short = f", as each takes {in_words(need)} of memory" if few else ""
+    return workers, f", {workers} {'worker' if workers == 1 else 'workers'}{short}"
+
+
+def _records(
+    job: Job, points: Sequence[Point], where: Where, workers: int, progress: Progress
+) -> Records:
+    """Number and record of all points as they end, wherever they run."""
     if where.collect:
         return ((point.number, _kept(job, point)) for point in points)
     if where.scheduler is not None:
         return run_on_cluster(job, points, where.scheduler)
-    workers = fitting_workers(where.workers, len(points), need)
     if workers == 1:
         return run_here(job, points, progress.in_hand)
     return run_in_processes(job, points, workers, progress.in_hand)
@@ -191,10 +207,8 @@ def run_task(
     keep_flows(job, points, flow, report)
     own = points[number - 1 :: tasks]
     others = [point for k, point in enumerate(points) if k % tasks != number - 1]
-    progress, failures = (
-        Progress(f"{sweep.name}, task {number} of {tasks}", len(points), report),
-        {},
-    )
+    stage = f"{sweep.name}: {len(points)} points, task {number} of {tasks}"
+    progress, failures = Progress(stage, len(points), report), dict[str, str]()
     for point in (*own, *others):
         if claim(out, point.name, f"{number}/{tasks}", again=resume):
             record = job.run(point, progress.in_hand)

@@ -63,7 +63,7 @@ def test_a_sweep_prints_its_folder_and_is_repeated_from_its_file(
     folder = Path(out.strip().splitlines()[-1])
     assert folder == Path("results/sweep-stationary")
     assert names_in(folder) == {"sweep.toml", "runs", "results.nc"}
-    assert "3 points: 100 %" in told
+    assert "3 points, 1 worker: 100 %" in told
     assert status_of("sweep", str(folder / "sweep.toml"), "--out", "again", *HERE) == 0
     with xr.open_dataset(folder / "results.nc") as a, xr.open_dataset("again/results.nc") as b:
         assert a["seed"].values.tolist() == [4, 6, 7]

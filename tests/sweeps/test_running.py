@@ -77,7 +77,7 @@ def test_processes_give_the_bits_of_single_runs(tmp_path: Path) -> None:
         command(out, "--workers", "2"), capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "4 points: 100 %" in done.stderr
+    assert "4 points, 2 workers: 100 %" in done.stderr
     require_bits_of_single_runs(out)
 
 

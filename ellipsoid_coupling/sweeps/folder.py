@@ -58,9 +58,14 @@ def begin(path: Path, sweep: Sweep, *, resume: bool, shared: bool = False) -> No
 
 
 def _require_free(path: Path, *, shared: bool) -> None:
-    """Refuse a folder that holds something; `shared`: but for what other tasks have just begun."""
+    """Refuse a folder that holds something; `shared`: but for what other tasks have just begun.
+
+    A sweep that was refused before its first run (its flow could not be read) holds nothing.
+    """
     output_folder(path)
-    held = {entry.name for entry in path.iterdir()} if is_folder(path) else set()
+    held = {entry.name for entry in path.iterdir()} if is_folder(path) else set[str]()
+    if held <= {SWEEP_FILE, "flows"} and not any((path / "flows").glob("*")):
+        return
     if shared and (SWEEP_FILE in held or all(name.startswith(".sweep.") for name in held)):
         return
     if held:

@@ -133,12 +133,11 @@ def run_sweep(
     """
     where.check()
     points = list(sweep.points())
-    need = check_points(sweep, points)
+    workers, place = _place(where, len(points), check_points(sweep, points))
     begin(out, sweep, resume=resume or where.collect)
     job, records = Job(out, sweep), dict[int, Record]()
     if not where.collect:
         keep_flows(job, points, flow, report)
-    workers, place = _place(where, len(points), need)
     progress = Progress(f"{sweep.name}: {len(points)} points{place}", len(points), report)
     progress.in_hand(0.0)
     for number, record in _records(job, points, where, workers, progress):
@@ -240,7 +239,15 @@ def _checked_need(sweep: Sweep, point: Point) -> float:
     if point.numbers is not None and not kind.independent_realisations:
         expected = "a model with independent realisations"
         raise InputError("--realisations", expected, point.model, "Leave it out for this model.")
+    if scene.flow is None:
+        scene_flow(scene, _wanted(sweep))  # refuses a flow for a scene without a fluid
     return peak_memory(kind, setup)
+
+
+def _wanted(sweep: Sweep) -> Wanted:
+    """The flow that the sweep names; of no path where it is the scene's own."""
+    path = sweep.lists.flow
+    return Wanted(None if path is None else Path(path), sweep.lists.allow_misfit)
 
 
 def fitting_workers(asked: int | None, points: int, need: float) -> int:
@@ -262,16 +269,14 @@ def keep_flows(
     job: Job, points: Sequence[Point], given: FlowField | None, report: Report | None
 ) -> None:
     """Solve or read every flow of the sweep once, into its folder."""
-    lists, seen = job.sweep.lists, set[str]()
-    wanted = given or Wanted(Path(lists.flow) if lists.flow else None, lists.allow_misfit)
+    seen = set[str | None]()
     for point in points:
         scene = job.sweep.scene_of(point)
         key = flow_key(scene)
-        if key is None:
-            scene_flow(scene, wanted)  # refuses a flow for a scene without one
-        elif key not in seen:
-            seen.add(key)
-            keep_flow(job.path, key, partial(scene_flow, scene, wanted, report))
+        if key is not None and key not in seen:
+            obtain = partial(scene_flow, scene, given or _wanted(job.sweep), report)
+            keep_flow(job.path, key, obtain)
+        seen.add(key)
 
 
 def _kept(job: Job, point: Point) -> Record:

@@ -21,6 +21,7 @@ import xarray as xr
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.sweeps import Where, run_sweep
+from ellipsoid_coupling.sweeps.local import cores
 from tests.sweeps.small import MODEL, ON_COMMAND_LINE, SETTINGS, same_variables, small_sweep
 from tests.workflows.test_workflows import WORKFLOWS, workflow
 
@@ -82,6 +83,22 @@ def test_an_array_of_tasks_at_once_computes_each_point_once(tmp_path: Path) -> N
     assert len(set(claims)) > 1
     ended(started([*command(out, seeds=points), "--resume", "--collect"]))
     require_bits_of_single_runs(out, SETTINGS["times"], points)
+
+
+@pytest.mark.heavy
+def test_a_sweep_whose_first_process_was_killed_goes_on(tmp_path: Path) -> None:
+    """Its workers end by themselves, after a checkpoint; the next sweep waits for those and goes on."""
+    if cores() < 2:
+        pytest.skip("one core, one worker")
+    out = tmp_path / "sweep"
+    words = [*command(out, "--workers", "2", seeds=3), *LONG]
+    first = started(words)
+    wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 2)
+    first.send_signal(signal.SIGKILL)
+    first.wait(PATIENCE)
+    assert not (out / "results.nc").exists()
+    ended(started([*words, "--resume"]))
+    require_bits_of_single_runs(out, [0.05, 400.0], 3)
 
 
 @pytest.mark.heavy

@@ -21,6 +21,7 @@ from ellipsoid_coupling.sweeps import job as job_module
 from ellipsoid_coupling.sweeps import running as run_module
 from ellipsoid_coupling.sweeps.folder import claim
 from ellipsoid_coupling.sweeps.local import cores
+from ellipsoid_coupling.sweeps.points import value_text
 from tests.sweeps.small import (
     MODEL,
     ON_COMMAND_LINE,
@@ -99,7 +100,16 @@ def test_bad_settings_of_any_point_are_refused_before_anything_is_written(tmp_pa
         run_sweep(small_sweep(), out, Where(workers=cores() + 1))
     with pytest.raises(InputError, match="flow"):
         run_sweep(small_sweep(flow=str(tmp_path)), out, HERE)
-    assert not out.exists() or names_in(out) == {"sweep.toml"}
+    assert not out.exists()
+
+
+def test_a_flow_that_cannot_be_read_leaves_the_folder_free(tmp_path: Path) -> None:
+    """The same folder takes the next try, with other settings."""
+    flow = {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0}
+    for seed in (0, 1):
+        lists: dict[str, Any] = {"keys": ["flow"], "values": [[value_text(flow)]], "seeds": [seed]}
+        with pytest.raises(InputError, match="no such file"):
+            run_sweep(small_sweep(**lists, flow=str(tmp_path / "a.npz")), tmp_path / "s", HERE)
 
 
 def test_failed_points_are_listed_and_repeated(
@@ -135,6 +145,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
         run_sweep(small_sweep(), tmp_path, HERE)
     (tmp_path / "note").unlink()
     small_sweep(seeds=[0]).save(tmp_path / "sweep.toml")
+    (tmp_path / "runs").mkdir()
     with pytest.raises(InputError, match="empty folder"):
         run_sweep(small_sweep(seeds=[0]), tmp_path, HERE)
     with pytest.raises(InputError, match=r"seeds = \[0\]"):

@@ -53,7 +53,7 @@ def run_on_cluster(job: Job, points: Sequence[Point], address: str) -> Iterator[
     distributed = require_dask()
     with _connected(distributed, address) as client:
         handed = _hand_out(client, job, points)
-        for future in distributed.as_completed(handed):
+        for future in distributed.as_completed(handed, loop=client.loop):
             yield handed[future], _record(future)
             # The scheduler forgets it, and its memory.
             handed.pop(future)

@@ -54,9 +54,11 @@ def started(words: list[str], **environment: str) -> subprocess.Popen[str]:
     )
 
 
-def wait_for(what: Callable[[], object]) -> None:
+def wait_for(what: Callable[[], object], process: subprocess.Popen[str]) -> None:
+    """Wait until something is there that `process` makes."""
     deadline = time.monotonic() + PATIENCE
     while not what():
+        assert process.poll() is None, process.communicate()[1]
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.05)
 
@@ -93,7 +95,7 @@ def test_a_sweep_whose_first_process_was_killed_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "sweep"
     words = [*command(out, "--workers", "2", seeds=3), *LONG]
     first = started(words)
-    wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 2)
+    wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 2, first)
     first.send_signal(signal.SIGKILL)
     first.wait(PATIENCE)
     assert not (out / "results.nc").exists()
@@ -176,10 +178,10 @@ def test_a_cluster_survives_its_workers_and_its_client(scheduler: str, tmp_path:
         worker(tmp_path, scheduler, "c"),
     ):
         client = started(words)
-        wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 3)
+        wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 3, client)
         first.kill()
         with worker(tmp_path, scheduler, "d"):
-            wait_for(lambda: list((out / "runs").glob("*/result.nc")))
+            wait_for(lambda: list((out / "runs").glob("*/result.nc")), client)
             client.send_signal(signal.SIGKILL)
             client.wait(PATIENCE)
             assert not (out / "results.nc").exists()

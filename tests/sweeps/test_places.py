@@ -103,6 +103,27 @@ def test_a_sweep_whose_first_process_was_killed_goes_on(tmp_path: Path) -> None:
     require_bits_of_single_runs(out, [0.05, 400.0], 3)
 
 
+def workers_of(process: subprocess.Popen[str]) -> list[int]:
+    """The spawned processes of a sweep, oldest first."""
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    lines = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children}
+    return [pid for pid, line in lines.items() if b"spawn_main" in line]
+
+
+@pytest.mark.heavy
+def test_a_worker_that_is_killed_loses_no_point(tmp_path: Path) -> None:
+    """Another process takes its place, and its point."""
+    if cores() < 2:
+        pytest.skip("one core, one worker")
+    out = tmp_path / "sweep"
+    sweep = started([*command(out, "--workers", "2", seeds=3), *LONG])
+    wait_for(lambda: len(list((out / "runs").glob("*/run.toml"))) >= 2, sweep)
+    os.kill(workers_of(sweep)[0], signal.SIGKILL)
+    told = ended(sweep)
+    assert "3 points, 2 workers: 100 %" in told
+    require_bits_of_single_runs(out, [0.05, 400.0], 3)
+
+
 @pytest.mark.heavy
 def test_processes_with_one_cold_cache_compile_once(tmp_path: Path) -> None:
     """Two tasks with a cache of their own each, and two that share a third one.
@@ -215,6 +236,12 @@ def test_a_slurm_array_of_one_task_runs_all_points(tmp_path: Path) -> None:
     assert "task 1 of 1" in told
     assert {file.read_text().split()[0] for file in (out / "claims").iterdir()} == {"1/1"}
     assert len(list((out / "runs").glob("*/result.nc"))) == 2
+
+
+def test_the_benchmark_tells_each_way_to_run(capsys: pytest.CaptureFixture[str]) -> None:
+    costs = workflow("benchmark_sweeps").main(["--points", "10", "--workers", "1"])
+    assert set(costs) == {"simulate", "1 workers"}
+    assert capsys.readouterr().out.count("\n") == 3
 
 
 def test_a_missing_extra_is_told_in_one_line(

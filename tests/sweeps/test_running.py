@@ -16,10 +16,18 @@ import xarray as xr
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.sweeps import Where, require_completed, run_sweep, run_task, statuses_of
+from ellipsoid_coupling.sweeps import (
+    Where,
+    local,
+    require_completed,
+    run_sweep,
+    run_task,
+    statuses_of,
+)
 from ellipsoid_coupling.sweeps import job as job_module
 from ellipsoid_coupling.sweeps import running as run_module
 from ellipsoid_coupling.sweeps.folder import claim
+from ellipsoid_coupling.sweeps.job import Job
 from ellipsoid_coupling.sweeps.local import cores
 from ellipsoid_coupling.sweeps.points import value_text
 from tests.sweeps.small import (
@@ -216,6 +224,40 @@ def test_workers_are_as_many_as_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run_module.fitting_workers(None, 100, 20e9) == 1
     with pytest.raises(InputError, match="at most 3"):
         run_module.fitting_workers(4, 100, 3e9)
+
+
+def test_processes_get_their_part_of_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads of numba and of linear algebra; a user who wants fewer gets fewer."""
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    before = dict(os.environ)
+    with local._environment(3):
+        assert os.environ["NUMBA_NUM_THREADS"] == os.environ["OMP_NUM_THREADS"] == "3"
+    assert dict(os.environ) == before
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    with local._environment(3):
+        assert os.environ["NUMBA_NUM_THREADS"] == "2"
+
+
+def test_a_point_whose_process_ends_is_tried_three_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the memory is short: the other points are not touched, and the process's end is told."""
+    calls = list[int]()
+
+    def start(job: Job, threads: int) -> local._Worker:
+        worker = real(job, threads)
+        calls.append(threads)
+        worker.process.kill()
+        return worker
+
+    real = local._start
+    monkeypatch.setattr(local, "_start", start)
+    sweep = small_sweep(seeds=[0])
+    job = Job(tmp_path, sweep)
+    found = dict(local.run_in_processes(job, list(sweep.points()), 1, lambda _parts: None))
+    assert len(calls) == 3
+    assert found[0].status.startswith("failed: its process ended 3 times (SIGKILL)")
 
 
 def test_the_flow_is_kept_once_and_linked(tmp_path: Path) -> None:

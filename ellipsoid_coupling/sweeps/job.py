@@ -50,9 +50,21 @@ def saved_flow(field: FlowField, file: Path) -> SavedFlow:
     return SavedFlow(**{f.name: getattr(field, f.name) for f in fields(FlowField)}, file=file)
 
 
-@functools.lru_cache(_FLOWS_KEPT)
 def load_flow(file: Path) -> SavedFlow:
-    """A flow of the sweep's folder, read once a process."""
+    """A flow of the sweep's folder, read once a process.
+
+    Raises
+    ------
+    InputError
+        If it is missing or damaged.
+    """
+    # Another file of that name is another flow.
+    told = file.stat() if exists(file) else None
+    return _load_flow(file, *((told.st_ino, told.st_mtime_ns) if told else (0, 0)))
+
+
+@functools.lru_cache(_FLOWS_KEPT)
+def _load_flow(file: Path, _inode: int, _written: int) -> SavedFlow:
     return saved_flow(FlowField.load(file), file)
 
 

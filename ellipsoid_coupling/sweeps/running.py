@@ -276,7 +276,15 @@ def keep_flows(
         if key is not None and key not in seen:
             obtain = partial(scene_flow, scene, given or _wanted(job.sweep), report)
             keep_flow(job.path, key, obtain)
+            _require_same_flow(flow_file(job.path, key), given)
         seen.add(key)
+
+
+def _require_same_flow(file: Path, given: FlowField | None) -> None:
+    """Refuse to go on with another flow than the sweep was started with."""
+    if given is not None and (kept := load_flow(file)).digest != given.digest:
+        expected = f"the flow that the sweep was started with, digest {kept.digest}"
+        raise InputError(str(file), expected, f"digest {given.digest}", "Give that one.")
 
 
 def _kept(job: Job, point: Point) -> Record:

@@ -16,6 +16,7 @@ import xarray as xr
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError, RunError
+from ellipsoid_coupling.flow import analytic_flow
 from ellipsoid_coupling.sweeps import (
     Where,
     local,
@@ -273,6 +274,11 @@ def test_the_flow_is_kept_once_and_linked(tmp_path: Path) -> None:
     swept = ec.Result.load(tmp_path / "sweep" / str(data["run"].values[0, 0]))
     assert same_variables(swept, alone)
     assert swept.attributes["flow_digest"] == alone.attributes["flow_digest"]
+    with pytest.raises(InputError, match="started with"):
+        ec.sweep(
+            small_scene(), values, models=MODEL, workers=1, out=tmp_path / "sweep", resume=True,
+            flow=analytic_flow("top_bottom"),
+        )  # fmt: skip
 
 
 def test_a_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:

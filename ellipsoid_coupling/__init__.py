@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ellipsoid_coupling.scenes import Scene, builtin_scenes, load_scene
     from ellipsoid_coupling.simulation import simulate
     from ellipsoid_coupling.storage.run_folder import RunFolder
+    from ellipsoid_coupling.sweeps import sweep
 
 __version__ = "0.1.0"
 
@@ -48,6 +49,7 @@ __all__ = [
     "register_model",
     "simulate",
     "stokes_rates",
+    "sweep",
 ]
 
 # Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
@@ -60,6 +62,7 @@ _HOMES = {
     "scenes": ("Scene", "builtin_scenes", "load_scene"),
     "simulation": ("simulate",),
     "storage.run_folder": ("RunFolder",),
+    "sweeps": ("sweep",),
 }
 
 

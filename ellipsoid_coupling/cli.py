@@ -7,10 +7,12 @@ import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from ellipsoid_coupling.commands import cases
+from ellipsoid_coupling.commands.sweep import sweep
 from ellipsoid_coupling.compiled.threading_layer import check_environment
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.files.reading import exists
@@ -21,14 +23,13 @@ from ellipsoid_coupling.options import (
     OptionalWhole,
     Output,
     Settings,
-    Whole,
+    Span,
+    chosen_scene,
+    print_lines,
 )
 from ellipsoid_coupling.output.progress import ProgressReporter, Waiting
 from ellipsoid_coupling.output.streams import drop, open_streams, tell, warn_in_one_line
 from ellipsoid_coupling.output.tables import PipedConsole, print_table
-
-if TYPE_CHECKING:
-    from ellipsoid_coupling.scenes import Scene
 
 app = App(
     name="ellipsoid",
@@ -38,101 +39,11 @@ app = App(
 )
 
 
-def _print(*lines: str) -> None:
-    for line in lines:
-        sys.stdout.write(shown(line) + "\n")
-
-
 _OUTPUT, _KEEPING, _FLOW = Output(), Keeping(), FlowChoice()
 
 
-def _scene(name: str, settings: list[str] | None) -> Scene:
-    from ellipsoid_coupling.scenes import load_scene, parse_setting
-
-    if settings == []:
-        raise InputError("--set", "key=value", "nothing", "Example: --set particles.number=100.")
-    return load_scene(name, dict(parse_setting(text) for text in settings or []))
-
-
-@app.command
-def flow(
-    case: str,
-    /,
-    *,
-    cells: OptionalWhole = None,
-    processes: Whole = 1,
-    trust: bool = False,
-    output: Output = _OUTPUT,
-) -> None:
-    """Run an OpenFOAM case to rest, or reuse its solution.
-
-    One with atRest 0 in system/parameters, or with a steady solver, is run to its endTime. Without --out
-    the solved case goes into the cache.
-
-    Parameters
-    ----------
-    case
-        A case of foam_cases/ or the path of a folder with 0.orig (or 0), constant and system.
-    cells
-        Cells a side; the case's own number if left out.
-    processes
-        Processes of icoFoam (decomposePar, mpirun).
-    trust
-        Give OpenFOAM the case's own files, which can run code: you have read them, or made them.
-    """
-    from ellipsoid_coupling.flow.openfoam.solve import solve_case
-
-    output.check()
-    with ProgressReporter("flow") as report:
-        folder = solve_case(
-            case, cells=cells, processes=processes, out=output.out, report=report, trust=trust
-        )
-    _print(str(folder))
-
-
-@app.command
-def new(
-    case: Path,
-    /,
-    *,
-    out: Path | None = None,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    length: float | None = None,
-    width: float | None = None,
-    density: float = 2.0,
-    allow_misfit: Annotated[bool, Parameter(negative="")] = False,
-) -> None:
-    """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
-
-    Parameters
-    ----------
-    case
-        A solved OpenFOAM case (folder, time, part, .foam file), the output of foamToVTK, or a saved flow.
-    out
-        The scene file (.toml).
-    force
-        Overwrite it.
-    length
-        Of a particle, in the units of the case; a 50th of its shorter side if left out.
-    width
-        Of a particle; half its length if left out.
-    density
-        The particles', in units of the fluid's.
-    allow_misfit
-        Take a flow even if it is far off the solver's U.
-    """
-    from ellipsoid_coupling.output import new_scene
-    from ellipsoid_coupling.output.scene_choices import Wishes
-
-    if out is not None:
-        new_scene.require_new(out, force=force)
-    wishes = Wishes(length, width, density)
-    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
-    if out is None:
-        _print(text.rstrip("\n"))
-        return
-    new_scene.write_scene(text, out)
-    _print(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))
+app.command(cases.flow)
+app.command(cases.new)
 
 
 @app.command
@@ -161,7 +72,7 @@ def plan(
     from ellipsoid_coupling.simulation import scene_flow
 
     kind = model_kinds()[0] if model is None else kind_named(model)
-    chosen = _scene(scene, set_)
+    chosen = chosen_scene(scene, set_)
     terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
     field = None
@@ -183,7 +94,7 @@ def run(
     flow: FlowChoice = _FLOW,
     set_: Settings = None,
     seed: OptionalWhole = None,
-    realisations: OptionalWhole = None,
+    realisations: Span = None,
     keeping: Keeping = _KEEPING,
 ) -> None:
     """Run one model on one scene; without --out into results/....
@@ -199,14 +110,14 @@ def run(
     seed
         Fixes start positions and noise.
     realisations
-        Instead of the scene's number.
+        Instead of the scene's number; A:B for those of these numbers, a part of a larger run.
     """
     from ellipsoid_coupling.models import scheme_named
     from ellipsoid_coupling.scenes import load_run_part
     from ellipsoid_coupling.simulation import simulate
 
     before = load_run_part(scene)
-    chosen = _scene(scene, set_)
+    chosen = chosen_scene(scene, set_)
     name = model or before.model
     if name is None:
         raise InputError("run", "--model", "none", "Example: --model microscopic.")
@@ -221,12 +132,15 @@ def run(
             numerics,
             flow=given,
             seed=seed if seed is not None else before.seed,
-            realisations=realisations if realisations is not None else before.realisations,
+            realisations=realisations if realisations is not None else before.numbers,
             folder=folder,
             report=report,
         )
     _print_summary(f"{chosen.name}: {name}, {numerics}", result.attributes)
-    _print(str(folder.path))
+    print_lines(str(folder.path))
+
+
+app.command(sweep)
 
 
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
@@ -270,7 +184,7 @@ def compare(
     output.check()
     with ProgressReporter("compare") as report:
         if len(what) == 1 and not exists(Path(what[0]) / "result.nc"):
-            scene = _scene(what[0], set_)
+            scene = chosen_scene(what[0], set_)
             field = scene_flow(scene, flow.wanted(what[0], scene), report)
             frontier = run_frontier(scene, field, longest=longest, report=report)
         else:
@@ -281,7 +195,7 @@ def compare(
             frontier = compare_runs(results, flows)
     with output.folder(f"compare-{scene.name}") as folder:
         report_frontiers([frontier], folder)
-    _print(str(folder))
+    print_lines(str(folder))
 
 
 @app.command
@@ -309,7 +223,7 @@ def stability(*, quick: bool = False, output: Output = _OUTPUT) -> None:
     with output.folder("stability") as folder:
         report_stability(entries, cases, folder)
     print_table(f"Stability, {len(cases)} cases", SUMMARY_COLUMNS, summary_rows(entries))
-    _print(str(folder))
+    print_lines(str(folder))
 
 
 @app.command
@@ -331,7 +245,7 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
     folder = (run if run.is_dir() else run.parent) / "paraview"
     require_free(folder, force=force, option="")
     write(result, folder, flow=field)
-    _print(str(folder))
+    print_lines(str(folder))
 
 
 @app.command
@@ -353,7 +267,7 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         draw_all(results, folder, flows)
     print_warnings(results)
-    _print(str(folder))
+    print_lines(str(folder))
 
 
 def main(tokens: Sequence[str] | None = None) -> None:

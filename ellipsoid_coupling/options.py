@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, Token
 
-from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.errors import InputError, shown
 from ellipsoid_coupling.files.limits import LONGEST_RUN
 
 if TYPE_CHECKING:
@@ -114,6 +115,122 @@ class Keeping(Output):
         return RunFolder(path, self.resume, self.force, *limits, numbered=self.out is None)
 
 
+def _span(_kind: object, tokens: Sequence[Token]) -> int | range:
+    """A whole number, or A:B and A:B:STEP as a range."""
+    return _read_span(tokens[0].value)
+
+
+def _read_span(text: str) -> int | range:
+    try:
+        bounds = [int(part) for part in text.split(":")]
+    except ValueError:
+        bounds = []
+    if len(bounds) == 1:
+        return bounds[0]
+    first, end, step = (*bounds, 0, 0, 1)[:3] if len(bounds) != 2 else (*bounds, 1)
+    if len(bounds) not in (2, 3) or not 0 <= first < end or step < 1:
+        raise ValueError(
+            f"expected a whole number, A:B or A:B:STEP with 0 <= A < B, found {text!r}"
+        )
+    return range(first, end, step)
+
+
+Span = Annotated[int | range | None, Parameter(converter=_span)]
+
+
+def _seeds(_kind: object, tokens: Sequence[Token]) -> tuple[int, ...]:
+    """Whole numbers, a,b,c or A:B."""
+    parts = [_read_span(part) for part in tokens[0].value.split(",")]
+    spread = [[part] if isinstance(part, int) else part for part in parts]
+    return tuple(seed for some in spread for seed in some)
+
+
+def _task(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
+    """I/N with 1 <= I <= N."""
+    text = tokens[0].value
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise ValueError(f"expected I/N with 1 <= I <= N, found {text!r}")
+    return int(number), int(count)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SweepLists:
+    """What a sweep runs through, besides models and values of the scene."""
+
+    zip_: Annotated[
+        bool,
+        Parameter(name="--zip", negative="", help="Take the lists in pairs, not their product."),
+    ] = False
+    seeds: Annotated[
+        tuple[int, ...] | None,
+        Parameter(converter=_seeds, n_tokens=1, help="a,b,c or A:B (B is not one of them)."),
+    ] = None
+    realisations: Annotated[
+        int | range | None,
+        Parameter(
+            converter=_span,
+            help="A:B or A:B:SIZE splits those of one large run among points, SIZE a point.",
+        ),
+    ] = None
+
+    def table(self) -> dict[str, object]:
+        """The entries of sweep.toml; None for what was left out."""
+        split = self.realisations
+        if isinstance(split, int):
+            split = range(0, split, split)
+        return {
+            "zipped": self.zip_ or None,
+            "seeds": self.seeds,
+            "realisations": None if split is None else (split.start, split.stop, split.step),
+        }
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SweepPlace:
+    """Where a sweep runs and what it keeps."""
+
+    workers: Annotated[
+        int | None,
+        Parameter(converter=_whole, help="Processes of this machine; all cores if left out."),
+    ] = None
+    scheduler: Annotated[
+        str | None, Parameter(help="Run on a Dask cluster: its scheduler, as in tcp://host:8786.")
+    ] = None
+    task: Annotated[
+        tuple[int, int] | None,
+        Parameter(
+            converter=_task, n_tokens=1, help="I/N: run the share of task I of a batch queue."
+        ),
+    ] = None
+    out: Annotated[Path | None, Parameter(help="Folder of the sweep.")] = None
+    resume: Annotated[
+        bool, Parameter(negative="", help="Go on with the sweep in --out; repeat what has failed.")
+    ] = False
+    collect: Annotated[
+        bool, Parameter(negative="", help="Run nothing: put together what is in --out.")
+    ] = False
+
+    @contextmanager
+    def folder(self, name: str) -> Iterator[Path]:
+        """As `Output.folder`."""
+        with Output(self.out).folder(name) as folder:
+            yield folder
+
+    def check(self) -> None:
+        """Refuse options that do not go together."""
+        named = [k for k in ("workers", "scheduler", "task") if getattr(self, k) is not None]
+        named += ["collect"] if self.collect else []
+        if len(named) > 1:
+            found = " and ".join(f"--{name}" for name in named)
+            raise InputError("sweep", "one place to run", found, "Leave out the others.")
+        if self.out is None and (self.resume or self.collect or self.task):
+            option = "--task" if self.task else "--collect" if self.collect else "--resume"
+            raise InputError(option, "--out with the sweep's folder", "none", "Add --out.")
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FlowChoice:
@@ -137,6 +254,18 @@ class FlowChoice:
         ),
     ] = False
 
+    def table(self) -> dict[str, object]:
+        """The entries of sweep.toml; None for what was left out."""
+        path = None if self.flow is None else str(self.flow.absolute())
+        return {"flow": path, "allow_misfit": self.allow_misfit or None}
+
+    def of_earlier_run(self, name: str | None, scene: Scene) -> FlowField | None:
+        """The flow of the run.toml that is called `name`; None for another scene, or with --flow."""
+        from ellipsoid_coupling.flow import FlowField
+
+        found = None if name is None else self.wanted(name, scene)
+        return found if isinstance(found, FlowField) else None
+
     def wanted(self, name: str, scene: Scene) -> Wanted | FlowField:
         """The flow of --flow; without it, for the run.toml of an earlier run, that run's own flow."""
         from ellipsoid_coupling.storage.run_flow import repeated_flow
@@ -149,3 +278,18 @@ class FlowChoice:
         from ellipsoid_coupling.flow import Wanted
 
         return Wanted(self.flow, self.allow_misfit, self.solve)
+
+
+def chosen_scene(name: str, settings: list[str] | None) -> Scene:
+    """The scene of that name, or of that file, with the user's settings, "key=value" each."""
+    from ellipsoid_coupling.scenes import load_scene, parse_setting
+
+    if settings == []:
+        raise InputError("--set", "key=value", "nothing", "Example: --set particles.number=100.")
+    return load_scene(name, dict(parse_setting(text) for text in settings or []))
+
+
+def print_lines(*lines: str) -> None:
+    """Lines on standard output, without what a terminal would obey."""
+    for line in lines:
+        sys.stdout.write(shown(line) + "\n")

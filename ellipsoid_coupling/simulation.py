@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from ellipsoid_coupling.compiled.threading_layer import taking_turns
 from ellipsoid_coupling.errors import InputError, Interrupted, RunError
 from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_COUNT, MOST_SEED
 from ellipsoid_coupling.files.signals import Interruption, noticed
+from ellipsoid_coupling.files.versions import version
 from ellipsoid_coupling.files.writing import Arrays
 from ellipsoid_coupling.flow import (
     FlowField,
@@ -111,7 +111,7 @@ def simulate(
     *,
     flow: FlowField | Wanted | str | Path | None = None,
     seed: int = 0,
-    realisations: int | None = None,
+    realisations: int | range | None = None,
     folder: RunFolder | Path | None = None,
     report: Report | None = None,
 ) -> Result:
@@ -127,8 +127,9 @@ def simulate(
         Replaces the scene's own flow. A run that is resumed has its flow from its folder.
     seed : int
         Fixes start positions and noise; the same call gives the same bits.
-    realisations : int, optional
-        Instead of the scene's number.
+    realisations : int or range, optional
+        Instead of the scene's number; a range gives the numbers of the realisations, so that a part of a
+        large run has the bits that it has in the whole.
     folder : RunFolder or Path, optional
         run.toml, checkpoints and result.nc go there; see `RunFolder` for resuming and overwriting.
     report : callable, optional
@@ -147,10 +148,10 @@ def simulate(
         been written.
     """
     kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
-    setup = _checked_setup(scene, model, scheme, seed, realisations)
+    setup = checked_setup(scene, model, scheme, seed, realisations)
     if kept_in is not None:
         kept_in.check()
-        kept_in.check_same(*_identity(model, setup))
+        kept_in.check_same(*identity(model, setup))
     if not _names_flow(flow) and kept_in is not None and kept_in.keeps_flow:
         field = run_flow(kept_in.path, scene)
     else:
@@ -159,22 +160,40 @@ def simulate(
     return _Run(model, setup, field, kept_in, report).go()
 
 
-def _checked_setup(
-    scene: Scene, model: str, scheme: str, seed: int, realisations: int | None
+def checked_setup(
+    scene: Scene, model: str, scheme: str, seed: int, realisations: int | range | None
 ) -> Setup:
     """The setup, still without its flow; InputError for everything that can be refused without one."""
+    count, first = _numbers(scene, model, realisations)
     setup = Setup(
         scene=scene,
         terms=model_terms(scene, model),
         scheme=scheme_named(scheme).name,
         flow=None,
         seed=_whole("seed", seed, 0, MOST_SEED),
-        realisations=scene.particles.realisations
-        if realisations is None
-        else _whole("realisations", realisations, 1, MOST_COUNT),
+        realisations=count,
+        first_realisation=first,
     )
     require_fit(model, setup)
     return setup
+
+
+def _numbers(scene: Scene, model: str, realisations: int | range | None) -> tuple[int, int]:
+    """How many realisations, and the number of the first."""
+    if realisations is None:
+        return scene.particles.realisations, 0
+    if not isinstance(realisations, range):
+        return _whole("realisations", realisations, 1, MOST_COUNT), 0
+    first, count = realisations.start, len(realisations)
+    if first < 0 or realisations.step != 1 or not 1 <= count <= realisations.stop <= MOST_COUNT:
+        found = f"{first}:{realisations.stop}:{realisations.step}"
+        raise InputError("--realisations", "A:B with 0 <= A < B", found, "Change it.")
+    if first and not kind_named(model).independent_realisations:
+        raise InputError(
+            "--realisations", f"all of them, as {model} is one density of all", f"those from {first} on",
+            "Choose a model whose realisations are independent.",
+        )  # fmt: skip
+    return count, first
 
 
 def _whole(name: str, value: int, least: int, most: int) -> int:
@@ -186,7 +205,7 @@ def _whole(name: str, value: int, least: int, most: int) -> int:
     return int(value)
 
 
-def _identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, object]]:
+def identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, object]]:
     """The [run] and [scene] of run.toml: all that a repetition needs."""
     flow = setup.flow
     run = {
@@ -197,6 +216,8 @@ def _identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, obj
         "flow": flow.origin if flow else "none",
         "flow_digest": flow.digest if flow else "none",
     }
+    if setup.first_realisation:
+        run["first_realisation"] = setup.first_realisation
     return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
 
@@ -222,8 +243,8 @@ class _Run:
             _require_declared(kind_named(self.name), self.model.snapshot())
             self.monitors = Monitors(self.name, self.setup, self.model)
             if self.folder is not None:
-                identity = _identity(self.name, self.setup)
-                claim.enter_context(self.folder.claimed(*identity, self.flow))
+                parts = identity(self.name, self.setup)
+                claim.enter_context(self.folder.claimed(*parts, self.flow))
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)

@@ -34,8 +34,10 @@ ORDER = [
     "monitors",
     "simulation",
     "compare",
+    "sweeps",
     "output",
     "options",
+    "commands",
     "cli",
 ]
 ONLY_IN = {
@@ -44,6 +46,8 @@ ONLY_IN = {
     "meshio": ("flow/openfoam/reader.py",),
     "subprocess": ("flow/openfoam",),
     "llvmlite": ("compiled",),
+    "dask": ("sweeps/cluster.py",),
+    "distributed": ("sweeps/cluster.py",),
 }
 # All that may be used of numba outside of compiled/: loops that threads share, and how many threads.
 OF_NUMBA = {"prange", "get_num_threads", "set_num_threads"}

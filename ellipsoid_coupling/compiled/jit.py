@@ -54,6 +54,11 @@ if "NUMBA_THREADING_LAYER" in os.environ:
     layer()  # a missing library is reported now, not after a minute of compiling
 
 
+def cache_folder() -> Path:
+    """The folder of the kernels that were compiled from these sources."""
+    return Path(_config.CACHE_DIR)
+
+
 # Types whose formulas come from outside of the package, see `leave_uncached`.
 _uncached: set[type[Any]] = set()
 

@@ -10,7 +10,7 @@ import contextlib
 import os
 import re
 import resource
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 # A scene is a page of text, the longest list of save times included.
@@ -101,27 +101,29 @@ def _memory_limits() -> list[tuple[int, str]]:
     limits = [(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), "VmRSS")]
     shell = [(resource.getrlimit(kind)[0], key) for kind, key in _SHELL]
     limits += [(soft, key) for soft, key in shell if soft != resource.RLIM_INFINITY]
-    for path in _control_groups():
+    for path in _control_groups(_PROCESS):
         with contextlib.suppress(ValueError):  # "max", or no such file
             limits.append((int(_read(path)), "VmRSS"))
     return limits
 
 
-def _control_groups() -> Iterator[Path]:
-    """The files that may hold a limit: of the process's own groups and of all above them.
+@cache
+def _control_groups(process: Path) -> tuple[Path, ...]:
+    """The files that may hold a limit: of the process's own groups and of all above them, looked up once.
 
     Version 2 has one tree, version 1 one of them for memory. Within a container the mount may show a
     part of the tree only: groups whose path leads nowhere there are passed over.
     """
     mounts = {}
-    for line in _read(_PROCESS / "mountinfo").splitlines():
+    for line in _read(process / "mountinfo").splitlines():
         before, _, after = line.partition(" - ")
         kind, _, options = after.partition(" ")
         if kind == "cgroup2" or (
             kind == "cgroup" and "memory" in options.split(" ")[-1].split(",")
         ):
             mounts[kind] = Path(before.split(" ")[4])
-    for line in _read(_PROCESS / "cgroup").splitlines():
+    files = list[Path]()
+    for line in _read(process / "cgroup").splitlines():
         number, _, rest = line.partition(":")
         controllers, _, name = rest.partition(":")
         kind = "cgroup2" if number == "0" else "cgroup"
@@ -129,9 +131,8 @@ def _control_groups() -> Iterator[Path]:
             mount = mounts[kind]
             group = mount / name.lstrip("/")
             file = "memory.max" if kind == "cgroup2" else "memory.limit_in_bytes"
-            yield from (
-                path / file for path in (group, *group.parents) if path.is_relative_to(mount)
-            )
+            files += [p / file for p in (group, *group.parents) if p.is_relative_to(mount)]
+    return tuple(files)
 
 
 def _read(path: Path) -> str:

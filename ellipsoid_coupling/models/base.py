@@ -28,6 +28,8 @@ class Setup:
     One that changes holds from its last given time up to the next, `flow.until`, and no `advance` goes
     beyond that; in between two calls it moves on in place. `flow.at(t)` is the flow at a time, and kernels
     take `flow.in_time`.
+    The run holds `realisations` from number `first_realisation` on. Their numbers name their random
+    numbers, so that a part of a large run has the bits that it has in the whole.
     """
 
     scene: Scene
@@ -36,6 +38,7 @@ class Setup:
     flow: FlowField | None
     seed: int
     realisations: int
+    first_realisation: int = 0
 
 
 class Health(NamedTuple):

@@ -135,7 +135,8 @@ def scene_births(
     if evenly:
         drawn = _even_births(rate * blocks, end, blocks)
     else:
-        drawn = [_random_births(setup.seed, k, rate, end) for k in range(blocks)]
+        first = setup.first_realisation
+        drawn = [_random_births(setup.seed, first + k, rate, end) for k in range(blocks)]
     slots = max(len(times) for times, _ in drawn)
     degrees = 3 if setup.terms.angle else 2
     time = np.full((blocks, slots), np.inf)

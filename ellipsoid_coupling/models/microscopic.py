@@ -60,7 +60,8 @@ class Microscopic(ParticleModel):
     def __init__(self, name: str, setup: Setup) -> None:
         scene, realisations = setup.scene, setup.realisations
         number = scene.particles.number
-        points, edges = random_points(scene, setup.seed, realisations), scene_edges(setup)
+        points = random_points(scene, setup.seed, realisations, setup.first_realisation)
+        edges = scene_edges(setup)
         start = start_at_rest(setup, edges, points, realisations)
         super().__init__(name, setup, edges, start, number)
         self._drift = scene_drift(setup, edges)

@@ -131,6 +131,7 @@ class ParticleModel(ABC):
         if components == 0:
             return None
         realisations, _, number = state.place.shape
+        first = self._setup.first_realisation
         # A realisation that has arrived keeps its block number, so that its noise does not depend on how
         # long the others take.
         late = state.clock[:, TIME] < until
@@ -140,7 +141,7 @@ class ParticleModel(ABC):
 
         def draw(task: int) -> None:
             k = int(waiting[task])
-            noise[k] = gaussian_block(seed, k, int(used[k]), components, number)
+            noise[k] = gaussian_block(seed, first + k, int(used[k]), components, number)
 
         # Philox is drawn in C without Python's lock, so that threads help.
         for_each(len(waiting), draw)
@@ -284,14 +285,16 @@ def scene_limits(setup: Setup, edges: FluidEdges | None, number: int) -> Limits:
     )
 
 
-def random_points(scene: Scene, seed: int, realisations: int) -> Floats:
-    """Uniform over the start box, (realisations, 2, N): one stream of numbers a realisation."""
+def random_points(scene: Scene, seed: int, realisations: int, first: int = 0) -> Floats:
+    """Uniform over the start box, (realisations, 2, N): one stream of numbers a realisation.
+
+    first : the number of the first realisation
+    """
     low = np.array([scene.start.x[0], scene.start.y[0]])[:, None]
     high = np.array([scene.start.x[1], scene.start.y[1]])[:, None]
     number = scene.particles.number
-    return np.array(
-        [low + (high - low) * start_positions(seed, k, number) for k in range(realisations)]
-    )
+    numbers = range(first, first + realisations)
+    return np.array([low + (high - low) * start_positions(seed, k, number) for k in numbers])
 
 
 def start_at_rest(
@@ -339,7 +342,7 @@ def resting(
 def _where(state: ParticleState, setup: Setup, name: str, block: int | None) -> str:
     """Scene, model, realisation unless it is None, and time; for the message of a failure."""
     row = 0 if block is None or len(state.clock) == 1 else block
-    which = "" if block is None else f"realisation {block}, "
+    which = "" if block is None else f"realisation {setup.first_realisation + block}, "
     return f"{setup.scene.name}, {name}, {which}t = {state.clock[row, TIME]:.6g}"
 
 

@@ -6,6 +6,7 @@ A kind is a NamedTuple, whose fields are the keys of the section. Its formulas a
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, get_type_hints
 
@@ -28,6 +29,14 @@ class Kind(NamedTuple):
     record: type[Any]
     keys: type[Part]
     text: str
+
+
+@cache
+def _choice(section: str, default: str, known: tuple[str, ...]) -> type[Part]:
+    """What reads the kind of a section; made once, which takes a millisecond."""
+    kind: Any = (Literal[known], default)
+    made: type[Part] = create_model(section, __base__=_AnyKeys, kind=kind)
+    return made
 
 
 class Kinds:
@@ -97,8 +106,7 @@ class Kinds:
     def _read(self, table: dict[str, object]) -> Record:
         """The record of a section; pydantic's ValidationError, with its key, for what is none."""
         known = self.known()
-        kind_key: Any = (Literal[tuple(known)], self._default)
-        choice: type[Part] = create_model(self.section, __base__=_AnyKeys, kind=kind_key)
+        choice = _choice(self.section, self._default, tuple(known))
         kind = known[choice.model_validate(table).model_dump()["kind"]]
         numbers = kind.keys.model_validate({k: v for k, v in table.items() if k != "kind"})
         record: Record = kind.record(**numbers.model_dump())

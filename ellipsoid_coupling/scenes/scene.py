@@ -18,6 +18,7 @@ from ellipsoid_coupling.files.limits import (
     LEAST_HARMONICS_TOLERANCE,
     LEAST_TOLERANCE,
     MOST_ANGLE_CELLS,
+    MOST_COUNT,
     MOST_PATCHES,
     MOST_SEED,
     SMALLEST_STEP,
@@ -380,5 +381,12 @@ class RunPart(Part):
     scheme: Line = "accurate"
     seed: Annotated[int, Field(ge=0, le=MOST_SEED)] = 0
     realisations: Count | None = None
+    first_realisation: Annotated[int, Field(ge=0, le=MOST_COUNT)] = 0
     flow: str = "none"
     flow_digest: Line = "none"
+
+    @property
+    def numbers(self) -> range | None:
+        """The numbers of its realisations; None where it does not say how many there are."""
+        first = self.first_realisation
+        return None if self.realisations is None else range(first, first + self.realisations)

@@ -14,7 +14,6 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -34,13 +33,8 @@ from ellipsoid_coupling.files.reading import (
     read_arrays,
     read_text,
 )
-from ellipsoid_coupling.files.writing import (
-    Arrays,
-    cannot_write,
-    halves,
-    whole_file,
-    write_arrays,
-)
+from ellipsoid_coupling.files.versions import version
+from ellipsoid_coupling.files.writing import Arrays, cannot_write, halves, whole_file, write_arrays
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from ellipsoid_coupling.errors import refusal
-from ellipsoid_coupling.files.writing import halves, whole_file
+from ellipsoid_coupling.files.writing import halves, not_forced, whole_file
 
 
 def test_file_appears_only_when_finished(tmp_path: Path) -> None:
@@ -56,6 +57,24 @@ def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:
         fail_half_way()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_files_are_forced_to_the_disk_unless_they_can_be_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file and its folder; inside `not_forced` neither, and afterwards both again."""
+    forced = list[int]()
+    monkeypatch.setattr(os, "fsync", forced.append)
+
+    def write() -> int:
+        with whole_file(tmp_path / "a.txt") as beside:
+            beside.write_text("new")
+        return len(forced)
+
+    assert write() == 2
+    with not_forced():
+        assert write() == 2
+    assert write() == 4
 
 
 def test_what_the_system_refuses_is_told_with_the_places_to_look_at() -> None:

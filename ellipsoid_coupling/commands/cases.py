@@ -1,0 +1,92 @@
+"""`ellipsoid flow` and `ellipsoid new`: a case is solved, and a scene written for a solved one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ellipsoid_coupling.options import OptionalWhole, Output, Whole, print_lines
+from ellipsoid_coupling.output.progress import ProgressReporter
+
+_OUTPUT = Output()
+
+
+def flow(
+    case: str,
+    /,
+    *,
+    cells: OptionalWhole = None,
+    processes: Whole = 1,
+    trust: bool = False,
+    output: Output = _OUTPUT,
+) -> None:
+    """Run an OpenFOAM case to rest, or reuse its solution.
+
+    One with atRest 0 in system/parameters, or with a steady solver, is run to its endTime. Without --out
+    the solved case goes into the cache.
+
+    Parameters
+    ----------
+    case
+        A case of foam_cases/ or the path of a folder with 0.orig (or 0), constant and system.
+    cells
+        Cells a side; the case's own number if left out.
+    processes
+        Processes of icoFoam (decomposePar, mpirun).
+    trust
+        Give OpenFOAM the case's own files, which can run code: you have read them, or made them.
+    """
+    from ellipsoid_coupling.flow.openfoam.solve import solve_case
+
+    output.check()
+    with ProgressReporter("flow") as report:
+        folder = solve_case(
+            case, cells=cells, processes=processes, out=output.out, report=report, trust=trust
+        )
+    print_lines(str(folder))
+
+
+def new(
+    case: Path,
+    /,
+    *,
+    out: Path | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    length: float | None = None,
+    width: float | None = None,
+    density: float = 2.0,
+    allow_misfit: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
+
+    Parameters
+    ----------
+    case
+        A solved OpenFOAM case (folder, time, part, .foam file), the output of foamToVTK, or a saved flow.
+    out
+        The scene file (.toml).
+    force
+        Overwrite it.
+    length
+        Of a particle, in the units of the case; a 50th of its shorter side if left out.
+    width
+        Of a particle; half its length if left out.
+    density
+        The particles', in units of the fluid's.
+    allow_misfit
+        Take a flow even if it is far off the solver's U.
+    """
+    from ellipsoid_coupling.output import new_scene
+    from ellipsoid_coupling.output.scene_choices import Wishes
+
+    if out is not None:
+        new_scene.require_new(out, force=force)
+    wishes = Wishes(length, width, density)
+    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
+    if out is None:
+        print_lines(text.rstrip("\n"))
+        return
+    new_scene.write_scene(text, out)
+    print_lines(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))

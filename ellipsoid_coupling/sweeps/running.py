@@ -239,6 +239,9 @@ def _checked_need(sweep: Sweep, point: Point) -> float:
     if point.numbers is not None and not kind.independent_realisations:
         expected = "a model with independent realisations"
         raise InputError("--realisations", expected, point.model, "Leave it out for this model.")
+    if point.numbers is not None and scene.has_inflow:
+        expected = "a scene without inlets, in which all realisations hold as many particles"
+        raise InputError("--realisations", expected, f"inlets in {scene.name}", "Leave it out.")
     if scene.flow is None:
         scene_flow(scene, _wanted(sweep))  # refuses a flow for a scene without a fluid
     return peak_memory(kind, setup)

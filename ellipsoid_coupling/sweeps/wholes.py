@@ -17,9 +17,13 @@ from ellipsoid_coupling.storage.run_folder import RunFolder
 
 # How the counts of the pieces add up; what is not here (what limited the steps) is the pieces' own.
 _LARGEST = ("steps", "longest_step")
-_SUMS = ("rejected_steps", "particles_outside_flow", "wall_seconds", "compile_seconds")
+_SUMS = (
+    "rejected_steps", "particles_outside_flow", "particles_at_start", "wall_seconds", "compile_seconds",
+)  # fmt: skip
 _MEANS = ("mass_start", "mass_end", "mass_left")
-_ALIKE = ("status", "seed", "flow", "flow_digest", "package_version", "further_variables")
+_ALIKE = (
+    "status", "seed", "flow", "flow_digest", "package_version", "further_variables", "fate_meanings",
+)  # fmt: skip
 
 
 def join(pieces: Sequence[Result]) -> Result:

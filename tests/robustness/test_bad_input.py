@@ -252,7 +252,7 @@ BAD: dict[str, tuple[Make, str]] = {
     "no number": (option("--seed", "abc"), r"(?i)abc"),
     "half a seed": (option("--seed", "1.5"), r"--seed: expected a whole number, found '1\.5'"),
     "seed of 64 bits": (option("--seed", str(2**63)), r"--seed: expected a whole number from 0"),
-    "half a realisation": (option("--realisations", "1.5"), r"expected a whole number, found '1\.5'"),
+    "half a realisation": (option("--realisations", "1.5"), r"expected a whole number, A:B .*found '1\.5'"),
     "no realisation": (option("--realisations", "0"), r"--realisations: expected a whole number"),
     "half a cell": (command("flow", "cavity", "--cells", "8.5"), r"--cells: expected a whole number"),
     "half a process": (

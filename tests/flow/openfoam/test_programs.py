@@ -81,7 +81,7 @@ def test_a_program_that_says_too_much_is_ended(
     with pytest.raises(RunError, match=r"yes said more than 100 kB\. The end of ") as caught:
         run_program(tmp_path, ["yes", "no"])
     assert str(caught.value).count("no") > LAST_LINES // 2
-    assert not working_in(tmp_path)
+    wait_until(lambda: not working_in(tmp_path), "no process works there any more")
     assert says(tmp_path / "log.yes", "no")
     assert not says(tmp_path / "log.yes", "yes")
 

@@ -69,6 +69,7 @@ def test_the_first_kernel_is_told_at_once_and_the_others_are_counted(
     assert lines() == []
 
 
+@pytest.mark.usefixtures("obeyed")
 def test_a_signal_that_waits_for_the_step_in_hand_is_told(clock: Clock, lines: Lines) -> None:
     """A step whose kernels are being compiled takes minutes, and Ctrl-C seems to do nothing."""
     with ProgressReporter("run", clock) as report, noticed():

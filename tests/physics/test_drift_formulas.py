@@ -188,7 +188,7 @@ def has_field(name: str) -> Callable[[ast.AST], bool]:
 @pytest.mark.parametrize(
     ("is_formula", "places"),
     [
-        (is_strain, ["physics/jeffery.py"]),
+        (is_strain, ["flow/scales.py", "physics/jeffery.py"]),
         (is_linear_in_the_axis, ["physics/jeffery.py"]),
         (has_field("stiffness"), ["physics/outer/harmonic.py"]),
         (has_field("amplitude"), ["physics/angular/axis.py", "physics/angular/sine.py"]),
@@ -196,7 +196,10 @@ def has_field(name: str) -> Callable[[ast.AST], bool]:
     ids=["gradients", "a + b sin + c cos", "V1", "V2"],
 )
 def test_each_formula_stands_once(is_formula: Callable[[ast.AST], bool], places: list[str]) -> None:
-    """Jeffery's, V1 and V2 in no other file of what computes; pictures may show a flow's rotation."""
+    """Jeffery's, V1 and V2 in no other file of what computes.
+
+    Pictures may show a flow's rotation, and `flow.scales` says how large its shear is.
+    """
     found = [
         source.relative_to(PACKAGE).as_posix()
         for source in sorted(PACKAGE.rglob("*.py"))

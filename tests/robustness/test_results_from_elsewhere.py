@@ -375,6 +375,7 @@ def test_results_of_every_layout_are_read_back(layout: Layout, tmp_path: Path) -
     values = {
         name: np.arange(float(count)).reshape(shape) + 0.1 * k for k, name in enumerate(names)
     }
+    values |= {name: values[name].astype(np.int32) for name in values if name == "fate"}
     axes = [] if layout == "particles" else DIMENSIONS[layout][1:]
     coordinates = {name: np.arange(float(sizes[name])) for name in axes}
     attributes = {"status": "completed", "seed": 2**62, "mass_end": 1e-300, "warnings": "a, \u00e9"}

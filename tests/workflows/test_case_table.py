@@ -16,10 +16,10 @@ def test_a_row_tells_what_a_user_would_see(
 ) -> None:
     nothing = tmp_path / "no case"
     nothing.mkdir()
-    assert workflow("case_table").main([str(DATA / "channel_8"), str(nothing), "--models"]) == 0
-    head, _, channel, other = capsys.readouterr().out.splitlines()
+    assert workflow("case_table").main([str(DATA / "cylinder_8"), str(nothing), "--models"]) == 0
+    head, _, cylinder, other = capsys.readouterr().out.splitlines()
     assert head == "| case | read | slip | rms |"
-    assert channel.startswith("| channel_8 | yes | ")
-    assert channel.count("%") == 2
+    assert cylinder.startswith("| cylinder_8 | yes | ")
+    assert cylinder.count("%") == 2
     assert "refused: " in other
     assert "no system/controlDict in it" in other

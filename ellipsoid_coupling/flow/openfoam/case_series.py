@@ -10,8 +10,15 @@ from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.kept_fields import kept_field
+from ellipsoid_coupling.flow.openfoam.case import read_solution
 from ellipsoid_coupling.flow.openfoam.locate import locate
-from ellipsoid_coupling.flow.openfoam.times import Series, choose_series, time_named
+from ellipsoid_coupling.flow.openfoam.times import (
+    Series,
+    choose_series,
+    choose_time,
+    solved_times,
+    time_named,
+)
 from ellipsoid_coupling.flow.series import FlowSeries, require_covered
 from ellipsoid_coupling.flow.when import When
 
@@ -61,7 +68,8 @@ def read_times(
         raise InputError(str(path), "the folder of the case", found, "Leave one of them out.")
     if isinstance(when.time, int | float):
         return kept_field(case / time_named(case, when.time), allow_misfit=allow_misfit)
-    series = choose_series(case, None if isinstance(when.time, str) else when.time)
+    interval = None if isinstance(when.time, str) else when.time
+    series = choose_series(case, interval, _start_of(case))
     times = series.times
     ends = float(series.names[0]), float(series.names[-1])
     if when.repeat and not isinstance(when.time, str) and tuple(when.time) != ends:
@@ -72,6 +80,15 @@ def read_times(
     covers = times[0], float("inf") if when.repeat else times[-1]
     require_covered(str(case), covers, when.until)
     return _read_series(case, series, when, allow_misfit, report)
+
+
+def _start_of(case: Path) -> str | None:
+    """The time with which a run began, if U is uniform there: that is no solution."""
+    first = next(iter(solved_times(case)), None)
+    if first is None or float(first) > 0.0:
+        return None
+    uniform = read_solution(choose_time(case, first).places).velocity.uniform
+    return first if uniform else None
 
 
 def _read_series(

@@ -108,10 +108,13 @@ def time_named(case: Path, time: float) -> str:
     )
 
 
-def choose_series(case: Path, interval: tuple[float, float] | None) -> Series:
+def choose_series(
+    case: Path, interval: tuple[float, float] | None, begun: str | None = None
+) -> Series:
     """All times of a case that have U, or those that it takes to cover an interval; all on one mesh.
 
-    The scene's time 0 is the first of them, or the interval's start.
+    The scene's time 0 is the first of them, or the interval's start. `begun` is the name of a time that
+    is no solution, with which a run began.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def choose_series(case: Path, interval: tuple[float, float] | None) -> Series:
         For fewer than two times, an interval that goes beyond them, or a mesh that changes in between.
     """
     times = _times(case)
-    solved = solved_times(case)
+    solved = [name for name in solved_times(case) if name != begun]
     if len(solved) < 2:
         raise InputError(
             f"{case}, flow.time", "a case with U at several times", _some(solved),

@@ -187,3 +187,13 @@ def test_a_time_that_is_too_far_off_is_named(case: Path) -> None:
         case, When("all", until=1.0), r"plate, time 0\.5: expected a velocity U without sources"
     )
     assert isinstance(read_times(case, When("all", until=1.0), allow_misfit=True), FlowSeries)
+
+
+def test_a_uniform_start_is_no_time_of_the_flow(case: Path) -> None:
+    """With that a run begins: icoFoam writes it, and it is no solution."""
+    header, _, rest = (case / "0" / "U").read_bytes().partition(b"internalField")
+    tail = rest[rest.index(b"boundaryField") :]
+    uniform = b"internalField uniform (1 0 0);\n\n"
+    (case / "0" / "U").write_bytes(header + uniform + tail)
+    flow = series(read_times(case, When("all", until=0.7)))
+    assert flow.origin.startswith("OpenFOAM case plate, 4 times from 0.25 to 1, of which 0.25 is")

@@ -102,7 +102,7 @@ def test_a_formula_that_has_changed_is_compiled_anew(tmp_path: Path) -> None:
             cwd=tmp_path,
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=3600,
             check=True,
         )
         assert done.stdout.strip() == expected

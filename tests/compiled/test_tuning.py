@@ -81,7 +81,7 @@ def digests(which: str, cache: Path) -> str:
     environment = os.environ | {"ELLIPSOID_CACHE": str(cache)}
     command = [sys.executable, "-c", PROGRAM, which]
     return subprocess.run(
-        command, env=environment, check=True, capture_output=True, text=True, timeout=600.0
+        command, env=environment, check=True, capture_output=True, text=True, timeout=3600.0
     ).stdout
 
 

@@ -8,7 +8,6 @@ whole rows of ghosts, which vectorise.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
@@ -86,7 +85,12 @@ def _place(places: Floats, side: int, i: int, angle: float) -> Place:
 
 @inline_kernel
 def _fill_end(
-    kind: Any, cells: Rows, table: GhostTable, side: int, layer: int, at: tuple[int, float, float]
+    kind: object,
+    cells: Rows,
+    table: GhostTable,
+    side: int,
+    layer: int,
+    at: tuple[int, float, float],
 ) -> None:
     """Fill one ghost of a row, see `fill_ends`; at : its row, the angle and the time."""
     row, first = table.cells[side], table.first
@@ -109,7 +113,7 @@ def fill_ends(cells: Rows, table: GhostTable, a: int, j: int, t: float) -> None:
 
 @kernel(noalias=True)
 def _fill_layer(
-    kind: Any,
+    kind: object,
     cells: tuple[Rows, Rows, Rows],
     places: Floats,
     side: int,
@@ -131,7 +135,7 @@ def _fill_layer(
 
 @inline_kernel
 def _fill_side_layer(
-    kind: Any,
+    kind: object,
     planes: tuple[Floats, tuple[int, ...], int],
     table: GhostTable,
     side: int,

@@ -9,7 +9,7 @@ rows; the compiler removes it from the loop.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from ellipsoid_coupling.compiled.algebra import (
 )
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.rows import Rows, load, map_fields, rows_at
+from ellipsoid_coupling.interaction.grid_forces import Forces
+from ellipsoid_coupling.interaction.q_grid import AngleForces
 from ellipsoid_coupling.physics.angular import outer_torque, outer_torque_slope
 from ellipsoid_coupling.physics.drift import External, Fluid, external_terms
 from ellipsoid_coupling.physics.elementary import cos_sin
@@ -120,6 +122,9 @@ def largest_outer_torque(angular: Record | None, angles: Floats) -> float:
     return largest
 
 
+AnyForces = Forces | AngleForces | NoForces
+
+
 class Drive(NamedTuple):
     """What drives a run of cells, rows of one or none each; see `drive_at`."""
 
@@ -132,7 +137,9 @@ class Drive(NamedTuple):
 
 
 @inline_kernel
-def drive_at(terms: CellTerms, forces: Any, place: tuple[int, int, int], force_row: int) -> Drive:
+def drive_at(
+    terms: CellTerms, forces: AnyForces, place: tuple[int, int, int], force_row: int
+) -> Drive:
     """What drives the cells of row j of ny from column `first` on: place = (j, ny, first).
 
     forces : Forces, AngleForces or NoForces, whose row is `force_row`, counted through all angles.

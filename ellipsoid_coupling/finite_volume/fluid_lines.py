@@ -14,7 +14,7 @@ ring, whose ghosts are its own cells.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ class Ends(NamedTuple):
     """
 
     names: tuple[str, ...]
-    kinds: tuple[Any, ...]
+    kinds: tuple[object, ...]
     edge: Indices
     sides: Indices
 
@@ -143,7 +143,7 @@ class FluidLines(NamedTuple):
 
     inside: Flags
     boundaries: tuple[str, ...]
-    kinds: tuple[Any, ...]
+    kinds: tuple[object, ...]
     tables: dict[int, LineTable]
     carried: dict[int, Floats]
     motion: dict[int, FluidMotion | None]
@@ -176,12 +176,12 @@ class FluidLines(NamedTuple):
         return None if motion is None else motion._replace(follows=follows, second=float(second))
 
 
-def _each_once(kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+def _each_once(kinds: tuple[object, ...]) -> tuple[object, ...]:
     # Kinds without parameters are empty tuples, which are all equal.
     return tuple({(type(kind), repr(kind)): kind for kind in kinds}.values())
 
 
-def _number(kinds: tuple[Any, ...], kind: Any) -> int:
+def _number(kinds: tuple[object, ...], kind: object) -> int:
     """Where a kind stands in `kinds`."""
     wanted = type(kind), repr(kind)
     return [(type(one), repr(one)) for one in kinds].index(wanted)
@@ -189,7 +189,7 @@ def _number(kinds: tuple[Any, ...], kind: Any) -> int:
 
 def line_tables(
     cells: FluidCells, ends: Ends, grid: Grid
-) -> tuple[dict[int, LineTable], tuple[Any, ...]]:
+) -> tuple[dict[int, LineTable], tuple[object, ...]]:
     """The lines along x (-1) and y (-2), and the kinds that they end with."""
     kinds = _each_once((*ends.kinds, Periodic(), Reflect()))
     row = grid.padded[1]
@@ -213,7 +213,7 @@ def _middles(table: LineTable, low: float, across: Floats, h: float) -> Floats:
 def _table(
     faces: Faces,
     ends: Ends,
-    kinds: tuple[Any, ...],
+    kinds: tuple[object, ...],
     layout: tuple[int, int, int],
     sides: tuple[int, int],
 ) -> LineTable:
@@ -225,18 +225,18 @@ def _table(
     closed[LOW][:, 0] &= ~joined
     closed[HIGH][:, -1] &= ~joined
     n = faces.lower.shape[1]
-    found: list[tuple[Any, ...]] = []
+    found: list[tuple[int, ...]] = []
     inside = faces.is_open[:, 1:] | faces.is_open[:, :-1] | (boundary[LOW] >= 0)
-    for row in np.flatnonzero(inside.any(axis=1)):
+    for row in np.flatnonzero(inside.any(axis=1)).tolist():
         starts, stops = np.flatnonzero(closed[LOW][row]), np.flatnonzero(closed[HIGH][row])
         if starts.size == 0:
-            found.append((row, 0, n, True, 0, 0))
+            found.append((row, 0, n, 1, 0, 0))
             continue
         if stops[0] < starts[0]:
             stops = np.roll(stops, -1)
         for start, stop in zip(starts, stops, strict=True):
             low, high = boundary[LOW][row, start], boundary[HIGH][row, stop]
-            found.append((row, start, (stop - start) % n + 1, False, low, high))
+            found.append((row, int(start), int(stop - start) % n + 1, 0, int(low), int(high)))
     rows, first, length, ring, lows, highs = np.array(found, np.int64).reshape(-1, 6).T
     number = np.array([_number(kinds, kind) for kind in ends.kinds], np.int64)
     by_end = np.stack((lows, highs), axis=-1)

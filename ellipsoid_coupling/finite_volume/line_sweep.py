@@ -10,7 +10,7 @@ still there.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -65,7 +65,7 @@ class LineFields(NamedTuple):
     each: tuple[int, ...]
     planes: Planes
     lines: LineTable
-    kinds: tuple[Any, ...]
+    kinds: tuple[object, ...]
     carried: Floats
     t: float
 

@@ -17,7 +17,7 @@ One pass over memory does several things to a cell, block by block so that each 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -46,6 +46,7 @@ from ellipsoid_coupling.compiled.parallel_arguments import pack, signed, unpack
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.compiled.threads import single_task_chunks
 from ellipsoid_coupling.finite_volume.cell_acceleration import (
+    AnyForces,
     CellTerms,
     Drive,
     NoForces,
@@ -63,7 +64,6 @@ from ellipsoid_coupling.physics.elementary import cos_sin
 from ellipsoid_coupling.scenes.kinds import Record
 
 Floats = NDArray[np.float64]
-AnyForces = Forces | AngleForces | NoForces
 Limit = CellwiseLimit | ExtremesLimit
 
 # Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
@@ -141,24 +141,29 @@ class Work(NamedTuple):
     limits: bool
 
 
+class Evaluation(NamedTuple):
+    """What F and F_bar of a run of cells are evaluated from.
+
+    angles : the carried one, or none; it is added to `plane_angle`. vacuum : up to this density there is
+    no drift.
+    """
+
+    angles: Rows
+    plane_angle: float
+    drive: Drive
+    angular: Record | None
+    vacuum: float
+
+
 @inline_kernel
-def _evaluate(
-    i: int,
-    cells: Rows,
-    angles: Rows,
-    plane_angle: float,
-    drive: Drive,
-    angular: Record | None,
-    vacuum: float,
-    drift: Rows,
-) -> None:
+def _evaluate(i: int, given: Evaluation, cells: Rows, drift: Rows) -> None:
     """F_x, F_y and, where something turns, F_bar of cell i."""
     cell = load(cells, i)
     # Vacuum has no angle; what comes out for it is not used.
-    angle = plane_angle + total(div(load(angles, i), cell[0]))
-    double, outer = cos_sin(2.0 * angle), outer_torque(angular, angle)
-    rates = driven(drive, i, double, outer, cell[3:])
-    store(drift, i, select(cell[0] <= vacuum, fill(0.0, rates), rates))
+    angle = given.plane_angle + total(div(load(given.angles, i), cell[0]))
+    double, outer = cos_sin(2.0 * angle), outer_torque(given.angular, angle)
+    rates = driven(given.drive, i, double, outer, cell[3:])
+    store(drift, i, select(cell[0] <= given.vacuum, fill(0.0, rates), rates))
 
 
 @inline_kernel
@@ -188,19 +193,16 @@ def _raise_peaks(
 
 
 @inline_kernel
-def _evaluate_and_kick(
-    i: int, evaluation: tuple[Any, ...], cells: Rows, drift: Rows, change: Kick
-) -> None:
+def _evaluate_and_kick(i: int, given: Evaluation, cells: Rows, drift: Rows, change: Kick) -> None:
     """`_evaluate` and `_kick` of cell i, whose numbers stay in registers in between."""
-    angles, plane_angle, drive, angular, vacuum = evaluation
-    _evaluate(i, cells, angles, plane_angle, drive, angular, vacuum, drift)
+    _evaluate(i, given, cells, drift)
     _kick(i, cells, drift, change)
 
 
 @inline_kernel
 def _evaluate_kick_and_raise(
     i: int,
-    evaluation: tuple[Any, ...],
+    given: Evaluation,
     cells: Rows,
     drift: Rows,
     change: Kick,
@@ -209,21 +211,21 @@ def _evaluate_kick_and_raise(
     peaks: Rows,
 ) -> None:
     """`_evaluate_and_kick`, and `_raise_peaks` by what it leaves."""
-    _evaluate_and_kick(i, evaluation, cells, drift, change)
+    _evaluate_and_kick(i, given, cells, drift, change)
     _raise_peaks(i, cells, further, drift, limit, peaks)
 
 
 @kernel(noalias=True)
 def _evaluate_and_kick_row(
-    width: int, evaluation: tuple[Any, ...], cells: Rows, drift: Rows, change: Kick
+    width: int, given: Evaluation, cells: Rows, drift: Rows, change: Kick
 ) -> None:
-    over_row(width, _evaluate_and_kick, (evaluation, cells, drift, change))
+    over_row(width, _evaluate_and_kick, (given, cells, drift, change))
 
 
 @kernel(noalias=True)
 def _evaluate_kick_and_raise_row(
     width: int,
-    evaluation: tuple[Any, ...],
+    given: Evaluation,
     cells: Rows,
     drift: Rows,
     change: Kick,
@@ -231,9 +233,7 @@ def _evaluate_kick_and_raise_row(
     limit: Limit,
     peaks: Rows,
 ) -> None:
-    over_row(
-        width, _evaluate_kick_and_raise, (evaluation, cells, drift, change, further, limit, peaks)
-    )
+    over_row(width, _evaluate_kick_and_raise, (given, cells, drift, change, further, limit, peaks))
 
 
 @kernel(noalias=True)
@@ -292,13 +292,13 @@ def _treat_block(
     if force is not None:
         drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
         angular, plane_angle = force.terms.angular, FULL_TURN * a / planes
-        evaluation = angles, plane_angle, drive, angular, force.vacuum
+        given = Evaluation(angles, plane_angle, drive, angular, force.vacuum)
         if work.limits:
             _evaluate_kick_and_raise_row(
-                width, evaluation, moving, drift, work.change, further, limit, peaks
+                width, given, moving, drift, work.change, further, limit, peaks
             )
         else:
-            _evaluate_and_kick_row(width, evaluation, moving, drift, work.change)
+            _evaluate_and_kick_row(width, given, moving, drift, work.change)
     elif work.kicks:
         _kick_row(width, moving, drift, work.change)
     if work.time != 0.0:

@@ -12,16 +12,19 @@ is a longer tuple of names, the source of that component, and a pressure that ma
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ellipsoid_coupling.physics.closure import Pressure
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.finite_volume.cells import CellFields
 
 DENSITY = "density"
 VELOCITIES = ("velocity_x", "velocity_y", "angular_velocity")
 MEAN_ANGLE = "mean_angle"
 
 # Of whatever has no forces and no Newton step of its own: (cells, dt), in place.
-Source = Callable[[Any, float], None]
+Source = Callable[["CellFields", float], None]
 
 
 class System(NamedTuple):

@@ -25,7 +25,7 @@ side by side in memory, and a loop over them vectorises.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def ghost_table(
 
 
 def _pair(
-    kinds: tuple[Any, ...], count: int, step: int, start: int, across: tuple[int, int]
+    kinds: tuple[object, ...], count: int, step: int, start: int, across: tuple[int, int]
 ) -> list[tuple[int, ...]]:
     """The rows of both sides of `count` cells, `step` apart, of which `start` is the first."""
     last = start + (count - 1) * step

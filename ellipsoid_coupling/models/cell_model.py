@@ -7,6 +7,7 @@ cell and its warnings are. Which stepper steps it follows from what its `System`
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -91,7 +92,7 @@ def flux_of(system: System, setup: Setup, angle_resolved: bool) -> FluxMaker:
     return flux_named(chosen or stepper.flux, system.pressure, stepper.balances, where)
 
 
-class CellModel:
+class CellModel(ABC):
     """A `Model` but for its names, its system, and what it shows.
 
     Attributes
@@ -134,8 +135,9 @@ class CellModel:
         """
         return self._advected(self.cells.system.place(name))
 
+    @abstractmethod
     def _advected(self, component: int) -> Floats:
-        raise NotImplementedError
+        """A component over the density, of the shape of a snapshot."""
 
     @property
     def grid(self) -> QGrid:
@@ -184,9 +186,9 @@ class CellModel:
             f"step {int(self.clock[0, STEPS])}: {what}. {self.failure_site()} {remedy}"
         )
 
+    @abstractmethod
     def failure_site(self) -> FailureSite:
         """Where something is strongest, and by which term."""
-        raise NotImplementedError
 
     def state(self) -> Arrays:
         """What `live` has, of what the run goes on from; see `Aside`."""

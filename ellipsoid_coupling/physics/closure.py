@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
@@ -56,7 +55,7 @@ def _isothermal_sound(law: float, state: Values) -> float:  # noqa: ARG001
 
 
 def register_pressure(
-    record: type[Any],
+    record: type,
     *,
     pressure: Callable[..., float],
     sound_speed: Callable[..., float],

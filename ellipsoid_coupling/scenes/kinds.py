@@ -26,7 +26,7 @@ class _AnyKeys(Part):
 class Kind(NamedTuple):
     """A record, the keys of its section with their bounds, and how it reads, its keys in braces."""
 
-    record: type[Any]
+    record: type[NamedTuple]
     keys: type[Part]
     text: str
 
@@ -57,7 +57,7 @@ class Kinds:
         self._default, self._home = default, home
         self._kinds: dict[str, Kind] = {}
 
-    def register(self, name: str, record: type[Any], text: str) -> None:
+    def register(self, name: str, record: type[NamedTuple], text: str) -> None:
         """Make `name` a kind of this section.
 
         Parameters
@@ -109,10 +109,9 @@ class Kinds:
         choice = _choice(self.section, self._default, tuple(known))
         kind = known[choice.model_validate(table).model_dump()["kind"]]
         numbers = kind.keys.model_validate({k: v for k, v in table.items() if k != "kind"})
-        record: Record = kind.record(**numbers.model_dump())
-        return record
+        return kind.record._make(numbers.model_dump().values())
 
-    def _write(self, record: Record) -> dict[str, Any]:
+    def _write(self, record: Record) -> dict[str, object]:
         """The section of a record, as `_read` takes it."""
         name = self._name(record)
         return {"kind": name} | dict(zip(self.known()[name].keys.model_fields, record, strict=True))

@@ -7,7 +7,7 @@ copy `remove.py`, or register it from outside of the package as tests/extension/
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,12 +64,12 @@ Floats = NDArray[np.float64]
 class Boundaries(NamedTuple):
     """The kind of each side of a rectangle; both of opposite sides are periodic, or none."""
 
-    left: Any
-    right: Any
-    bottom: Any
-    top: Any
+    left: object
+    right: object
+    bottom: object
+    top: object
 
-    def ends(self, axis: int) -> tuple[Any, Any]:
+    def ends(self, axis: int) -> tuple[object, object]:
         """The kinds at the lower and the upper end of x (-1) or y (-2)."""
         return (self.left, self.right) if axis == -1 else (self.bottom, self.top)
 
@@ -88,7 +88,7 @@ class Boundaries(NamedTuple):
         return distance / speed if speed > 0.0 else np.inf
 
 
-def everywhere(kind: Any) -> Boundaries:
+def everywhere(kind: object) -> Boundaries:
     """That kind at all sides."""
     return Boundaries(kind, kind, kind, kind)
 

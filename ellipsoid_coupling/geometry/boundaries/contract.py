@@ -20,7 +20,7 @@ Mass passes a side only where particles may leave.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.algebra import Values
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, compile_choice, register_formula
@@ -47,7 +47,9 @@ class Place(NamedTuple):
 
 
 @chosen_by_type
-def ghost(kind: Any, edge: Values, image: Values, normal: float, t: float, place: Place) -> Values:
+def ghost(
+    kind: object, edge: Values, image: Values, normal: float, t: float, place: Place
+) -> Values:
     """What a ghost cell holds.
 
     Parameters
@@ -78,11 +80,11 @@ class Seen(NamedTuple):
 
 
 @inline_kernel
-def _ghost_seen(kind: Any, seen: Seen) -> Values:
+def _ghost_seen(kind: object, seen: Seen) -> Values:
     return ghost(kind, seen.edge, seen.image, seen.normal, seen.t, seen.place)
 
 
-def ghost_of(kinds: tuple[Any, ...], number: int, seen: Seen) -> Values:
+def ghost_of(kinds: tuple[object, ...], number: int, seen: Seen) -> Values:
     """What a ghost cell of kind number `number` holds; see `ghost`."""
     return _ghost_seen(kinds[number], seen)
 
@@ -91,17 +93,17 @@ compile_choice(ghost_of, _ghost_seen)
 
 
 # The type of each kind, by name; what particles do there and how fast mass comes in, by type.
-_TYPES: dict[str, type[Any]] = {}
-_PARTICLES: dict[type[Any], AtSide] = {}
-_INFLOWS: dict[type[Any], Callable[[Any], float]] = {}
+_TYPES: dict[str, Callable[..., object]] = {}
+_PARTICLES: dict[type, AtSide] = {}
+_INFLOWS: dict[type, Callable[..., float]] = {}
 
 
 def register_boundary(
     name: str,
-    kind: type[Any],
+    kind: type[NamedTuple],
     formula: Callable[..., Values],
     particles: AtSide,
-    inflow: Callable[[Any], float] | None = None,
+    inflow: Callable[..., float] | None = None,
 ) -> None:
     """Make a kind of boundary known, to scene files by its name and to kernels by its type.
 
@@ -125,9 +127,8 @@ def register_boundary(
     TypeError
         If the formula takes another number of arguments.
     """
-    fields: Any = kind
-    optional = tuple(fields._field_defaults)
-    required = tuple(field for field in fields._fields if field not in optional)
+    optional = tuple(kind._field_defaults)
+    required = tuple(field for field in kind._fields if field not in optional)
     if name in _TYPES:
         raise ValueError(f"there is another kind of boundary named {name!r}")
     # The kind last: where the formula is refused, scenes do not know it.
@@ -138,16 +139,16 @@ def register_boundary(
         _INFLOWS[kind] = inflow
 
 
-def at_side(kind: Any) -> AtSide:
+def at_side(kind: object) -> AtSide:
     """What a particle does that reaches a side of this kind."""
     return _PARTICLES[type(kind)]
 
 
-def make_kind(name: str, parameters: dict[str, float]) -> Any:
+def make_kind(name: str, parameters: dict[str, float]) -> object:
     """The kind of that name with these parameters, numbers by field."""
     return _TYPES[name](**parameters)
 
 
-def inflow_speed(kind: Any) -> float:
+def inflow_speed(kind: object) -> float:
     """The largest speed of what comes in at a side of this kind; 0 where nothing does."""
     return _INFLOWS[type(kind)](kind) if type(kind) in _INFLOWS else 0.0

@@ -8,7 +8,7 @@ A continued cell that moves inwards would be a source without end: nothing is kn
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.algebra import Values, select
 from ellipsoid_coupling.compiled.jit import inline_kernel
@@ -22,7 +22,7 @@ class Remove(NamedTuple):
 
 @inline_kernel
 def outflow(
-    kind: Any, edge: Values, image: Values, normal: float, t: float, place: Place
+    kind: object, edge: Values, image: Values, normal: float, t: float, place: Place
 ) -> Values:
     """See the module."""
     return select(edge[ALONG] * normal > 0.0, mirrored(image), edge)

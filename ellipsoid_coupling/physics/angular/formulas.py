@@ -13,7 +13,7 @@ periodic: angles are taken modulo 2 pi.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
 from ellipsoid_coupling.compiled.jit import inline_kernel
@@ -50,7 +50,7 @@ register_formula(outer_torque_slope, type(None), _nothing)
 
 def register(
     kind: str,
-    record: type[Any],
+    record: type[NamedTuple],
     *,
     energy: Callable[..., float],
     torque: Callable[..., float],

@@ -11,7 +11,7 @@ makes ``[outer_potential] kind = "ring"``, ``radius = 2.0`` a potential of all m
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
 from ellipsoid_coupling.compiled.jit import inline_kernel
@@ -48,7 +48,7 @@ register_formula(outer_force, type(None), _no_force)
 
 def register(
     kind: str,
-    record: type[Any],
+    record: type[NamedTuple],
     *,
     energy: Callable[..., float],
     force: Callable[..., Force],

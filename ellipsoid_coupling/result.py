@@ -100,6 +100,19 @@ def _flags(meanings: str) -> dict[str, Any]:
     }
 
 
+def _no_result(path: Path) -> InputError:
+    """What a path without a result is instead, where its files tell."""
+    found, remedy = ("an empty or other folder" if is_folder(path) else "none"), "Check the path."
+    if exists(path / "run.toml"):
+        found = "a run that has not ended: it was killed, or is running"
+        remedy = f"Continue it with ellipsoid run {path / 'run.toml'} --resume --out {path}."
+    elif exists(path / "errors.csv"):
+        found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
+    elif exists(path / "sweep.toml"):
+        found, remedy = "the folder of a sweep", "Name the folders of its points."
+    return InputError(str(path), "a finished run: its folder, or its result.nc", found, remedy)
+
+
 @dataclass(frozen=True)
 class Result:
     """The saved times of one run.
@@ -281,7 +294,7 @@ class Result:
         file = Path(path)
         file = file / "result.nc" if is_folder(file) else file
         if not exists(file):
-            raise InputError(str(path), "a run folder or a result.nc", "none", "Check the path.")
+            raise _no_result(Path(path))
         stored, where = read_netcdf(file), str(file)
         layout = next((k for k, dims in DIMENSIONS.items() if {*dims} == {*stored.sizes}), None)
         toml = stored.attributes.get("scene_toml")

@@ -31,6 +31,12 @@ Schema = dict[str, Any]
 SCHEMA_FILE = "scene.schema.json"
 SCHEMA_LINE = f"#:schema ./{SCHEMA_FILE}"
 
+_BOUNDS = {
+    "ge": "minimum",
+    "gt": "exclusiveMinimum",
+    "le": "maximum",
+    "lt": "exclusiveMaximum",
+}
 # Editors for TOML know this version.
 _VERSION = "http://json-schema.org/draft-07/schema#"
 _SECTIONS = {
@@ -117,6 +123,8 @@ def _tidied(node: Any, definitions: Schema) -> Any:
         kept["properties"] = {key: _tidied(value, definitions) for key, value in properties}
     others = {k: _tidied(v, definitions) for k, v in kept.items() if k != "properties"}
     kept |= others
+    # A bound that follows a check of ours keeps pydantic's word.
+    kept = {_BOUNDS.get(key, key): value for key, value in kept.items()}
     # The names of lists whose places differ, in the version of the schema that editors know.
     if "prefixItems" in kept:
         kept |= {"items": kept.pop("prefixItems"), "additionalItems": False}
@@ -173,22 +181,22 @@ def _loosen(keys: Schema) -> None:
     keys["times"] = {"anyOf": [times, times["items"]]}
     start = keys["start"]
     start["anyOf"] = [{"required": start.pop("required")}, {"required": ["points"]}]
+    number = keys["flow"]["properties"]["parameters"]["additionalProperties"]
+    number["description"] = "a number of the formula"
     keys["flow"]["oneOf"] = [{"required": ["field"]}, {"required": ["case"]}]
 
 
 def _describe(node: Schema, key: str) -> None:
     """Write the meaning of a key, and of the keys below it, into their schemas."""
-    text = _SECTIONS.get(key) or _meaning(key)
-    if text:
-        node["description"] = text
+    node["description"] = _SECTIONS.get(key) or _meaning(key)
     properties: Mapping[str, Schema] = node.get("properties", {})
     for name, value in properties.items():
         _describe(value, f"{key}.{name}")
 
 
 def _meaning(key: str) -> str:
-    """The meaning of a key with its unit; "" for a key of a kind that is registered from outside."""
+    """The meaning of a key with its unit; of a kind from outside no more is known than that it is one."""
     meaning = MEANINGS.get(key)
     if meaning is None:
-        return ""
+        return "a number of this kind"
     return f"{meaning.text} ({meaning.unit})" if meaning.unit not in ("", "1") else meaning.text

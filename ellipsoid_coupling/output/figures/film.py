@@ -112,31 +112,43 @@ def draw_film(
     count = result.times.size
     if not count:
         raise InputError("film", "a result with a saved time", "none", "Run it again.")
-    writer = _writer(path, frames_per_second, count)
-    with settings(), whole_file(path) as beside:
-        film = _film(result, flow)
-        film.show(0)
-        # Laid out once, so that nothing moves from frame to frame but what the film shows.
-        film.figure.draw_without_rendering()
-        film.figure.set_layout_engine("none")
-        try:
-            with writer.saving(film.figure, str(beside), _DOTS_PER_INCH):
-                for k in range(count):
-                    film.show(k)
-                    writer.grab_frame()
-                    if report is not None:
-                        report("film", (k + 1) / count)
-        except CalledProcessError as error:
-            said = str(error.stderr or "no reason given").strip().splitlines()[-1:]
-            raise RunError(
-                f"ffmpeg could not make {path}: {' '.join(said)}. Take --out "
-                f"{path.with_suffix(GIF)}, which needs no ffmpeg."
-            ) from None
+    with settings():
+        writer = _writer(path, frames_per_second, count)
+        with whole_file(path) as beside:
+            _write(_film(result, flow), writer, path, beside, count, report)
     return count
 
 
+def _write(
+    film: _Film,
+    writer: AbstractMovieWriter,
+    path: Path,
+    beside: Path,
+    count: int,
+    report: Report | None,
+) -> None:
+    """Write the frames to `beside`, which becomes `path`."""
+    film.show(0)
+    # Laid out once, so that nothing moves from frame to frame but what the film shows.
+    film.figure.draw_without_rendering()
+    film.figure.set_layout_engine("none")
+    try:
+        with writer.saving(film.figure, str(beside), _DOTS_PER_INCH):
+            for k in range(count):
+                film.show(k)
+                writer.grab_frame()
+                if report is not None:
+                    report("film", (k + 1) / count)
+    except CalledProcessError as error:
+        said = str(error.stderr or "no reason given").strip().splitlines()[-1:]
+        raise RunError(
+            f"ffmpeg could not make {path}: {' '.join(said)}. Take --out "
+            f"{path.with_suffix(GIF)}, which needs no ffmpeg."
+        ) from None
+
+
 def _writer(path: Path, frames_per_second: float, count: int) -> AbstractMovieWriter:
-    """What writes a file of this ending."""
+    """What writes a file of this ending; called within `settings`."""
     if path.suffix == GIF:
         if count > MOST_GIF_FRAMES:
             remedy = f"Name a file that ends in {MP4}, which needs ffmpeg."
@@ -151,7 +163,7 @@ def _writer(path: Path, frames_per_second: float, count: int) -> AbstractMovieWr
             str(path), f"an ffmpeg for {MP4}", "none",
             f"Install it (apt-get install ffmpeg, or pip install imageio-ffmpeg), or take {GIF}.",
         )  # fmt: skip
-    rcParams["animation.ffmpeg_path"] = program
+    rcParams["animation.ffmpeg_path"] = program  # back at the end of `settings`
     return FFMpegWriter(fps=frames_per_second, codec="h264")
 
 
@@ -274,6 +286,6 @@ def main_axis(result: Result, k: int) -> Floats:
     """
     if result.layout == "rho":
         return np.asarray(np.mod(result.variables["mean_angle"][k], np.pi))
-    angle = result.coordinates["angle"][:, None, None]
-    mean = (result.variables["density"][k] * np.exp(2j * angle)).sum(axis=0)
+    turned = np.exp(2j * result.coordinates["angle"])
+    mean = np.tensordot(turned, result.variables["density"][k], axes=1)
     return np.asarray(np.mod(0.5 * np.angle(mean), np.pi))

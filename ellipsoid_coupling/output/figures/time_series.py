@@ -22,7 +22,8 @@ from ellipsoid_coupling.output.labels import result_labels
 from ellipsoid_coupling.output.series import time_series
 from ellipsoid_coupling.result import Result
 
-_PANEL_WIDTH = 2.6
+_PANEL = (3.2, 2.1)
+_COLUMNS = 2
 
 
 @styled
@@ -32,10 +33,13 @@ def series_figure(results: Sequence[Result], title: str = "") -> Figure:
     require(reached, "figure over time", "result with a saved time")
     series = [time_series(result) for result in reached]
     names = list(dict.fromkeys(name for one in series for name in one.by_name()))
-    width = _PANEL_WIDTH * len(names) + 0.4
+    rows = math.ceil(len(names) / _COLUMNS)
+    width = _PANEL[0] * _COLUMNS + 0.3
     columns = max(1, int(width / LEGEND_ENTRY))
-    figure = new_figure(width, 2.6 + 0.18 * math.ceil(len(reached) / columns))
-    axes = panel_grid(figure, 1, len(names))[0]
+    figure = new_figure(width, _PANEL[1] * rows + 0.3 + 0.18 * math.ceil(len(reached) / columns))
+    axes = panel_grid(figure, rows, _COLUMNS).ravel()
+    for spare in axes[len(names) :]:
+        spare.remove()
     repeats: Counter[str] = Counter()
     for label, result, one in zip(result_labels(reached), reached, series, strict=True):
         # Few times are saved: each one has a marker, filled for the first run of a model.
@@ -46,7 +50,7 @@ def series_figure(results: Sequence[Result], title: str = "") -> Figure:
         repeats[result.model] += 1
         for name, values in one.by_name().items():
             axes[names.index(name)].plot(one.times, values, **options)
-    for panel, name in zip(axes, names, strict=True):
+    for panel, name in zip(axes, names, strict=False):
         panel.set(xlabel="t", title=name)
         low, high = panel.get_ylim()
         # From 0 on, so that a change of a part in a thousand does not look like all of it.

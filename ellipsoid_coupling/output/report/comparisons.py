@@ -44,7 +44,8 @@ def _scene_table(scene: str, rows: Rows) -> str:
         cells = [_pair(levels, "density_error", "angle_error"), *parts]
         if not done:
             cells = [first["status"], *("" for _ in _PARTS)]
-            classes[number, _HEAD.index("error")] = "bad"
+            failed = first["status"].startswith("failed")
+            classes[number, _HEAD.index("error")] = "bad" if failed else "out"
         head = (
             first["model"],
             first["scheme"],

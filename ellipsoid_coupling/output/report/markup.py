@@ -21,14 +21,17 @@ nav a { margin-right: 1rem; white-space: nowrap; }
 table { border-collapse: collapse; font-size: 0.9rem; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
 td, th { border: 1px solid #ccc; padding: 0.25rem 0.6rem; text-align: left; vertical-align: top;
-         overflow-wrap: normal; min-width: 5rem; max-width: 26rem; }
+         overflow-wrap: normal; max-width: 26rem; }
 thead th { background: #f2f2f2; } tbody th { font-weight: normal; background: #fafafa; }
-td { overflow-wrap: anywhere; } td.out { color: #6b6b6b; } td.bad { background: #fddbc7; }
+td.text { min-width: 11rem; } td.long { overflow-wrap: anywhere; min-width: 14rem; }
+td.out { color: #6b6b6b; } td.bad { background: #fddbc7; }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; border: 1px solid #ddd; }
 figcaption { color: #555; font-size: 0.9rem; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; white-space: pre-wrap; }
 .note { color: #555; font-size: 0.9rem; } summary { cursor: pointer; margin: 0.5rem 0; }
 """
+# Letters of a word that is broken, and of a text that gets a broad column.
+_LONG_WORD = 24
 
 
 def escaped(text: str) -> str:
@@ -80,7 +83,10 @@ def table(
     columns = "".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)
     lines = []
     for i, (name, *cells) in enumerate(rows):
-        marks = [_class(classes.get((i, j), "")) for j in range(1, len(cells) + 1)]
+        marks = [
+            _class(f"{classes.get((i, j), '')} {_width(cell)}".strip())
+            for j, cell in enumerate(cells, 1)
+        ]
         data = "".join(
             f"<td{mark}>{escaped(cell)}</td>" for mark, cell in zip(marks, cells, strict=True)
         )
@@ -89,6 +95,13 @@ def table(
     body = f"<thead><tr>{columns}</tr></thead><tbody>{''.join(lines)}</tbody>"
     # With a place in the order of the keyboard, by which it is scrolled then.
     return f'<div class="wide" tabindex="0"><table>{above}{body}</table></div>'
+
+
+def _width(cell: str) -> str:
+    """The class of a cell that would else be a narrow column, or a wide one for one long word."""
+    if max(map(len, cell.split()), default=0) > _LONG_WORD:
+        return "long"
+    return "text" if len(cell) > _LONG_WORD else ""
 
 
 def picture(png: bytes, caption: str) -> str:

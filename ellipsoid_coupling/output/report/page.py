@@ -49,7 +49,7 @@ def write_report(
     if made:
         tell("drawing", 0.0)
         drawn, over_time = _pictures(made)
-        tell("writing", 0.0)
+        tell("planning", 0.0)
         sections += _run_sections(made, drawn, over_time)
     sections.append(("Comparisons", "comparisons", compared.section(comparisons)))
     text = markup.page(_title(made, comparisons), sections)

@@ -111,7 +111,9 @@ WRONG: list[tuple[list[str], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("tokens", "told"), WRONG, ids=lambda value: " ".join(value)[:60])
+@pytest.mark.parametrize(
+    ("tokens", "told"), WRONG, ids=lambda v: v if isinstance(v, str) else " ".join(v)
+)
 def test_what_is_no_finished_run_gets_one_message(
     tokens: list[str],
     told: str,

@@ -72,9 +72,9 @@ def _fits_word(value: Any, word: str, schema: Schema) -> bool:
         case "additionalItems":
             return len(value) <= len(schema["items"])
         case "minItems" | "minLength":
-            return len(value) >= said
+            return bool(len(value) >= said)
         case "maxItems" | "maxLength" | "maxProperties":
-            return len(value) <= said
+            return bool(len(value) <= said)
         case "minimum":
             return bool(value >= said)
         case "maximum":

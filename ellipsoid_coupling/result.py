@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -102,10 +103,13 @@ def _flags(meanings: str) -> dict[str, Any]:
 
 def _no_result(path: Path) -> InputError:
     """What a path without a result is instead, where its files tell."""
-    found, remedy = ("an empty or other folder" if is_folder(path) else "none"), "Check the path."
+    found, remedy = "none", "Check the path."
+    if is_folder(path):
+        found, remedy = "a folder without one", "Name the folder that a run has printed last."
     if exists(path / "run.toml"):
         found = "a run that has not ended: it was killed, or is running"
-        remedy = f"Continue it with ellipsoid run {path / 'run.toml'} --resume --out {path}."
+        named = shlex.quote(str(path)), shlex.quote(str(path / "run.toml"))
+        remedy = f"Continue it: ellipsoid run {named[1]} --resume --out {named[0]}."
     elif exists(path / "errors.csv"):
         found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
     elif exists(path / "sweep.toml"):

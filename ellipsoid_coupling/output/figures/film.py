@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from matplotlib import rcParams
@@ -149,12 +149,14 @@ def _write(
 
 def _writer(path: Path, frames_per_second: float, count: int) -> AbstractMovieWriter:
     """What writes a file of this ending; called within `settings`."""
+    # Matplotlib's types say whole numbers; both writers take any.
+    fps = cast("int", frames_per_second)
     if path.suffix == GIF:
         if count > MOST_GIF_FRAMES:
             remedy = f"Name a file that ends in {MP4}, which needs ffmpeg."
             expected = f"at most {MOST_GIF_FRAMES} saved times for a GIF"
             raise InputError(str(path), expected, str(count), remedy)
-        return PillowWriter(fps=frames_per_second)
+        return PillowWriter(fps=fps)
     if path.suffix != MP4:
         raise InputError(str(path), f"a name that ends in {MP4} or {GIF}", "another", "Change it.")
     program = find_ffmpeg()
@@ -164,7 +166,7 @@ def _writer(path: Path, frames_per_second: float, count: int) -> AbstractMovieWr
             f"Install it (apt-get install ffmpeg, or pip install imageio-ffmpeg), or take {GIF}.",
         )  # fmt: skip
     rcParams["animation.ffmpeg_path"] = program  # back at the end of `settings`
-    return FFMpegWriter(fps=frames_per_second, codec="h264")
+    return FFMpegWriter(fps=fps, codec="h264")
 
 
 def _film(result: Result, flow: FlowField | None) -> _Film:
@@ -221,9 +223,9 @@ class _ParticleFilm:
 
     def _outlines(self, k: int, flags: NDArray[np.bool_]) -> list[Floats]:
         chosen = self._chosen[flags[self._chosen]]
-        places = (self._result.variables[name][k, 0][chosen] for name in ("x", "y", "angle"))
+        x, y, angle = (self._result.variables[name][k, 0][chosen] for name in ("x", "y", "angle"))
         particles = self._result.scene.particles
-        return list(ellipse_outlines(*places, (particles.length, particles.width)))
+        return list(ellipse_outlines(x, y, angle, (particles.length, particles.width)))
 
     def _show_flow(self, time: float) -> None:
         """Arrows of the flow at that time, drawn anew only where it changes."""

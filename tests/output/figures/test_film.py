@@ -6,6 +6,7 @@ import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,8 +58,8 @@ def test_ellipses_stand_where_the_particles_are(particle_result: Result) -> None
     shown = film._ParticleFilm(particle_result, None)
     for k in range(2):
         shown.show(k)
-        outlines = [path.vertices[:-1] for path in shown._inside.get_paths()]
-        middles = np.array([np.asarray(outline).mean(axis=0) for outline in outlines])
+        outlines = [np.asarray(path.vertices)[:-1] for path in shown._inside.get_paths()]
+        middles = np.array([outline.mean(axis=0) for outline in outlines])
         places = np.stack([particle_result.variables[name][k, 0] for name in "xy"], axis=1)
         np.testing.assert_allclose(middles, places, atol=1e-12)
     assert "t = 0.333" in shown._axes.get_title()
@@ -67,7 +68,7 @@ def test_ellipses_stand_where_the_particles_are(particle_result: Result) -> None
 def test_who_has_left_is_an_outline_and_who_has_not_come_is_nothing(
     particle_result: Result,
 ) -> None:
-    fate = np.zeros((2, 3, 30), np.int32)
+    fate: Any = np.zeros((2, 3, 30), np.int32)  # the one variable of whole numbers
     fate[0, 0, :10], fate[0, 0, 10:14] = -1, 1
     variables = particle_result.variables | {"fate": fate}
     shown = film._ParticleFilm(replace(particle_result, variables=variables), None)

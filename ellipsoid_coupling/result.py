@@ -109,7 +109,7 @@ def _no_result(path: Path) -> InputError:
     if exists(path / "run.toml"):
         found = "a run that has not ended: it was killed, or is running"
         named = shlex.quote(str(path)), shlex.quote(str(path / "run.toml"))
-        remedy = f"Continue it: ellipsoid run {named[1]} --resume --out {named[0]}."
+        remedy = f"`ellipsoid run {named[1]} --resume --out {named[0]}` continues it."
     elif exists(path / "errors.csv"):
         found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
     elif exists(path / "sweep.toml"):

@@ -77,13 +77,14 @@ def schema(
     force
         Overwrite it.
     """
+    from ellipsoid_coupling.files.reading import is_folder
     from ellipsoid_coupling.output.new_scene import require_new
     from ellipsoid_coupling.output.scene_schema import schema_text, write_schema
 
     if out is None:
         print_lines(schema_text().rstrip("\n"))
         return
-    if out.is_dir():
+    if is_folder(out):
         raise InputError(str(out), "a file", "a folder", "Name a file, such as scene.schema.json.")
     require_new(out, force=force)
     write_schema(out)

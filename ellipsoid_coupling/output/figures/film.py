@@ -158,7 +158,8 @@ def _writer(path: Path, frames_per_second: float, count: int) -> AbstractMovieWr
             raise InputError(str(path), expected, str(count), remedy)
         return PillowWriter(fps=fps)
     if path.suffix != MP4:
-        raise InputError(str(path), f"a name that ends in {MP4} or {GIF}", "another", "Change it.")
+        found = path.suffix or "no ending"
+        raise InputError(str(path), f"a name that ends in {MP4} or {GIF}", found, "Change it.")
     program = find_ffmpeg()
     if program is None:
         raise InputError(
@@ -177,10 +178,10 @@ def _extent(result: Result) -> Extent:
     return (*result.scene.domain.x, *result.scene.domain.y)
 
 
-def _height(result: Result, panel: float) -> float:
+def _height(result: Result, panel: float, around: float) -> float:
     """Of a figure whose panel has this width, in inch: the panel's, and of what stands around it."""
     domain = result.scene.domain
-    return panel * min(2.0, max(0.25, domain.height / domain.width)) + 1.2
+    return panel * min(2.0, max(0.25, domain.height / domain.width)) + around
 
 
 class _ParticleFilm:
@@ -188,7 +189,7 @@ class _ParticleFilm:
 
     def __init__(self, result: Result, flow: FlowField | None) -> None:
         self._result, self._flow = result, flow
-        self.figure = new_figure(_WIDTH, _height(result, _WIDTH - 1.0), layout="compressed")
+        self.figure = new_figure(_WIDTH, _height(result, _WIDTH - 1.0, 1.2), layout="compressed")
         self._axes = self.figure.add_subplot()
         show_domain(self._axes, _extent(result))
         self._axes.set(xlabel="x", ylabel="y")
@@ -247,7 +248,10 @@ class _GridFilm:
     def __init__(self, result: Result, flow: FlowField | None) -> None:
         self._result, self._density = result, result.cell_density()
         panel = (_GRID_WIDTH - 2.0) / 2.0
-        self.figure = new_figure(_GRID_WIDTH, _height(result, panel), layout="compressed")
+        self.figure = new_figure(_GRID_WIDTH, _height(result, panel, 1.7), layout="compressed")
+        engine = self.figure.get_layout_engine()
+        if engine is not None:
+            engine.set(wspace=0.06)  # the numbers below one panel keep clear of the other's
         extent = _extent(result)
         panels = self.figure.subplots(1, 2, sharey=True)
         top = common_maximum(list(self._density))
@@ -257,14 +261,17 @@ class _GridFilm:
             {"cmap": _ANGLE_COLOURS, "vmin": 0.0, "vmax": np.pi},
         )
         self._images = []
-        for axes, look, label in zip(panels, looks, ("density", "main axis"), strict=True):
+        for axes, look, label in zip(panels, looks, ("density", "main axis, rad"), strict=True):
             show_domain(axes, extent)
             image = axes.imshow(
                 empty, origin="lower", extent=extent, interpolation="nearest", **look
             )
             add_walls(axes, None if flow is None else flow.outline, extent)
             axes.set(xlabel="x", title=label)
-            bar = self.figure.colorbar(image, ax=axes, location="bottom", aspect=30)
+            beyond = label == "density" and self._density.max() > top
+            bar = self.figure.colorbar(
+                image, ax=axes, location="bottom", aspect=30, extend="max" if beyond else "neither"
+            )
             self._images.append(image)
         bar.set_ticks([0.0, 0.5 * np.pi, np.pi], labels=["0", r"$\pi/2$", r"$\pi$"])
         panels[1].set_facecolor("0.95")

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.output.figures import draw_all, draw_time_series
+from ellipsoid_coupling.output.figures.ellipses import thinned
 from ellipsoid_coupling.output.report import comparisons as compared
 from ellipsoid_coupling.output.report import markup, runs
 from ellipsoid_coupling.output.report.sources import Comparison, Run
+from ellipsoid_coupling.result import Result
 
 Report = Callable[[str, float], None]
 
 PAGE_FILE = "report.html"
+# Saved times that pictures show.
+MOST_TIMES = 6
 # The beginnings of the names of `figures`' files, in words.
 _KINDS = {
     "density": "Density at the saved times, rows by run",
@@ -82,16 +89,38 @@ def _run_sections(made: Sequence[Run], drawn: str, over_time: str) -> list[tuple
 
 def _pictures(made: Sequence[Run]) -> tuple[str, str]:
     """The pictures of `ellipsoid figures`, and that of the numbers over time."""
-    results, flows = [run.result for run in made], [run.flow for run in made]
-    if not any(result.times.size for result in results):
+    flows = [run.flow for run in made]
+    results, count = few_times([run.result for run in made])
+    if not count:
         return markup.paragraph("No run has reached a saved time."), ""
+    told = f"At {MOST_TIMES} of {count} saved times." if count > MOST_TIMES else ""
     with tempfile.TemporaryDirectory(prefix="ellipsoid-report-") as name:
         folder = Path(name)
         paths = draw_all(results, folder, flows)
         drawn = "".join(markup.picture(path.read_bytes(), _caption(path)) for path in paths)
-        path = draw_time_series(results, folder / "over_time.png")
+        path = draw_time_series([run.result for run in made], folder / "over_time.png")
         caption = "Mass, root mean square speeds and alignment at the saved times"
-        return drawn, markup.picture(path.read_bytes(), caption)
+        above = markup.paragraph(told) if told else ""
+        return above + drawn, markup.picture(path.read_bytes(), caption)
+
+
+def few_times(results: Sequence[Result]) -> tuple[list[Result], int]:
+    """The results at `MOST_TIMES` of their saved times, first and last among them, and how many there are.
+
+    A panel a time: figures of a run that was saved for a film would be a strip of hundreds of panels.
+    """
+    times = np.unique(np.concatenate([result.times for result in results]))
+    chosen = times[thinned(times.size, MOST_TIMES)] if times.size else times
+    kept = [np.isin(result.times, chosen) for result in results]
+    few = [
+        replace(
+            result,
+            times=result.times[here],
+            variables={name: values[here] for name, values in result.variables.items()},
+        )
+        for result, here in zip(results, kept, strict=True)
+    ]
+    return few, times.size
 
 
 def _caption(path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -111,10 +112,10 @@ def _load_comparison(path: Path) -> Comparison:
 
 def _read_rows(file: Path) -> Rows:
     expected = "the errors.csv of a comparison"
-    lines = read_text(file, expected, MOST_TABLE_BYTES).splitlines()
+    text = io.StringIO(read_text(file, expected, MOST_TABLE_BYTES), newline="")
     try:
         # Rows with too many cells have a list, those with too few None.
-        rows = list(csv.DictReader(lines, restkey="", restval=None, strict=True))
+        rows = list(csv.DictReader(text, restkey="", restval=None, strict=True))
     except csv.Error as error:
         raise InputError(str(file), expected, str(error), _REMEDY) from None
     missing = [name for name in _COLUMNS if rows and name not in rows[0]]

@@ -11,11 +11,13 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib.image
+import numpy as np
 import pytest
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.report import is_comparison, load_sources, write_report
+from ellipsoid_coupling.output.report.page import MOST_TIMES, few_times
 from ellipsoid_coupling.output.report.runs import LIMITS
 from ellipsoid_coupling.output.report.sources import Comparison, Run
 from ellipsoid_coupling.result import Result
@@ -123,6 +125,23 @@ def test_it_says_what_ran_side_by_side(runs: list[Run], tmp_path: Path) -> None:
     assert all(cell.startswith("runs: strength 1") for cell in page.row("interaction"))
     assert len(page.addresses) > 10
     assert all(a.startswith(("#", "data:image/png;base64,")) for a in page.addresses)
+
+
+def test_pictures_show_few_of_many_times(rho_result: Result) -> None:
+    """Two runs with times of their own: the first and the last of all are among those shown."""
+    times = np.linspace(0.1, 5.0, 50)
+    many = {name: np.repeat(v[:1], 50, axis=0) for name, v in rho_result.variables.items()}
+    early = replace(rho_result, times=times[:25], variables={k: v[:25] for k, v in many.items()})
+    few, count = few_times([replace(rho_result, times=times, variables=many), early])
+    assert count == 50
+    assert few[0].times.size == MOST_TIMES
+    assert (few[0].times[0], few[0].times[-1]) == (times[0], times[-1])
+    assert set(few[1].times) == set(few[0].times) & set(early.times)
+    for result in few:
+        assert all(len(values) == result.times.size for values in result.variables.values())
+    same, count = few_times([rho_result])
+    assert count == 2
+    assert (same[0].times == rho_result.times).all()
 
 
 def test_the_scene_of_a_run_without_run_toml_loads_again(runs: list[Run], tmp_path: Path) -> None:

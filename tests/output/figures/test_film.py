@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from ellipsoid_coupling.errors import InputError, RunError
-from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow import FlowField, FlowSeries
 from ellipsoid_coupling.output.figures import film
 from ellipsoid_coupling.output.figures.film import draw_film, find_ffmpeg, main_axis
 from ellipsoid_coupling.result import Result
@@ -98,6 +98,20 @@ def test_the_flow_is_drawn_anew_only_where_it_changes(
     first = shown._arrows
     shown.show(1)
     assert shown._arrows is first
+    # One that turns round between the two times.
+    back = replace(
+        lid_flow, arrays=lid_flow.arrays._replace(coefficients=-lid_flow.arrays.coefficients)
+    )
+    series = FlowSeries.of_fields(particle_result.times, (lid_flow, back))
+    shown = film._ParticleFilm(particle_result, series)
+    shown.show(0)
+    first = shown._arrows
+    shown.show(1)
+    assert first is not None
+    assert shown._arrows is not None
+    np.testing.assert_allclose(shown._arrows.U, -first.U, atol=1e-12)
+    assert np.abs(first.U).max() > 0.0
+    assert first not in shown._axes.collections
 
 
 @pytest.mark.skipif(FFMPEG is None, reason="no ffmpeg")

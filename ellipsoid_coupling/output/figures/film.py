@@ -15,6 +15,7 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
 
@@ -250,7 +251,7 @@ class _GridFilm:
         panel = (_GRID_WIDTH - 2.0) / 2.0
         self.figure = new_figure(_GRID_WIDTH, _height(result, panel, 1.7), layout="compressed")
         engine = self.figure.get_layout_engine()
-        if engine is not None:
+        if isinstance(engine, ConstrainedLayoutEngine):
             engine.set(wspace=0.06)  # the numbers below one panel keep clear of the other's
         extent = _extent(result)
         panels = self.figure.subplots(1, 2, sharey=True)

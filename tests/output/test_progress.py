@@ -199,21 +199,20 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
-    """Standard error on a terminal of 150 columns."""
+def terminal() -> Iterator[Terminal]:
     made = Terminal()
-    monkeypatch.setattr(sys, "stderr", made.stream)
-    monkeypatch.setenv("COLUMNS", "150")
-    monkeypatch.setenv("TERM", "xterm")
     yield made
-    monkeypatch.undo()
     made.close()
 
 
 def test_a_terminal_shows_what_is_compiled_and_what_is_done(
-    clock: Clock, terminal: Terminal
+    clock: Clock, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Drawn by `refresh` here and by rich ten times a second in a program, whatever the work does."""
+    # Here and not in the fixture: pytest puts its own stream there before it calls a test.
+    monkeypatch.setattr(sys, "stderr", terminal.stream)
+    monkeypatch.setenv("COLUMNS", "150")
+    monkeypatch.setenv("TERM", "xterm")
     with ProgressReporter("run", clock) as report:
         bar = report._bar
         assert bar is not None

@@ -7,12 +7,15 @@ import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
-from ellipsoid_coupling.commands import cases
+from ellipsoid_coupling.commands import cases, listing
+from ellipsoid_coupling.commands.movie import movie
+from ellipsoid_coupling.commands.report import report as report_command
 from ellipsoid_coupling.commands.sweep import sweep
+from ellipsoid_coupling.commands.warm_up import warm_up
 from ellipsoid_coupling.compiled.threading_layer import check_environment
 from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
 from ellipsoid_coupling.files.reading import exists
@@ -31,6 +34,9 @@ from ellipsoid_coupling.output.progress import ProgressReporter, Waiting
 from ellipsoid_coupling.output.streams import drop, open_streams, tell, warn_in_one_line
 from ellipsoid_coupling.output.tables import PipedConsole, print_table
 
+if TYPE_CHECKING:
+    from ellipsoid_coupling.scenes import Scene
+
 app = App(
     name="ellipsoid",
     help="Ellipsoidal particles in an OpenFOAM flow: from particles to mean-field equations.",
@@ -44,6 +50,9 @@ _OUTPUT, _KEEPING, _FLOW = Output(), Keeping(), FlowChoice()
 
 app.command(cases.flow)
 app.command(cases.new)
+app.command(listing.scenes)
+app.command(listing.models)
+app.command(listing.schema)
 
 
 @app.command
@@ -64,7 +73,8 @@ def plan(
     scene
         A built-in scene or a TOML file.
     model
-        The model that it is planned for; the first of the hierarchy, microscopic, if left out.
+        The model that it is planned for: microscopic (if left out), mckean_vlasov, q_maxwellian,
+        q_mono_kinetic, rho_mono_kinetic, diffusive or stationary_state.
     """
     from ellipsoid_coupling.flow.openfoam.viscosity import viscosity_at
     from ellipsoid_coupling.models import kind_named, model_kinds, plan_terms
@@ -104,9 +114,10 @@ def run(
     scene
         A built-in scene, a TOML file, or the run.toml of an earlier run to repeat it.
     model
-        microscopic, rho_mono_kinetic, ...
+        Required, but for a run.toml: microscopic, mckean_vlasov, q_maxwellian, q_mono_kinetic,
+        rho_mono_kinetic, diffusive or stationary_state; `ellipsoid models` tells more.
     scheme
-        paper (the paper's numerics) or accurate.
+        paper (the paper's numerics) or accurate, which is taken if left out.
     seed
         Fixes start positions and noise.
     realisations
@@ -120,7 +131,7 @@ def run(
     chosen = chosen_scene(scene, set_)
     name = model or before.model
     if name is None:
-        raise InputError("run", "--model", "none", "Example: --model microscopic.")
+        raise _no_model(chosen)
     keeping.check()
     numerics = scheme_named(scheme or before.scheme).name
     given = flow.wanted(scene, chosen)
@@ -141,6 +152,18 @@ def run(
 
 
 app.command(sweep)
+
+
+def _no_model(scene: Scene) -> InputError:
+    """The message for a run without a model: those that fit."""
+    from ellipsoid_coupling.output.fitting import fitting_models
+
+    fit = fitting_models(scene).fit
+    expected = f"--model with one that fits {scene.name}: {', '.join(fit) or 'there is none'}"
+    remedy = f"Example: --model {fit[0]}. " if fit else ""
+    return InputError(
+        "run", expected, "none", f"{remedy}`ellipsoid models` tells what each solves."
+    )
 
 
 def _print_summary(title: str, attributes: Mapping[str, object]) -> None:
@@ -268,6 +291,14 @@ def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
         draw_all(results, folder, flows)
     print_warnings(results)
     print_lines(str(folder))
+
+
+app.command(report_command, name="report")
+app.command(movie)
+app.command(warm_up)
+app.register_install_completion_command(
+    help="Let the shell (bash, zsh, fish) complete commands and options by the tab key."
+)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.options import OptionalWhole, Output, Whole, print_lines
 from ellipsoid_coupling.output.progress import ProgressReporter
 
@@ -58,6 +59,7 @@ def new(
     width: float | None = None,
     density: float = 2.0,
     allow_misfit: Annotated[bool, Parameter(negative="")] = False,
+    schema: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
 
@@ -77,16 +79,25 @@ def new(
         The particles', in units of the fluid's.
     allow_misfit
         Take a flow even if it is far off the solver's U.
+    schema
+        With --out: write scene.schema.json beside it as well, and the line that leads editors there.
     """
-    from ellipsoid_coupling.output import new_scene
+    from ellipsoid_coupling.output import new_scene, scene_schema
     from ellipsoid_coupling.output.scene_choices import Wishes
 
     if out is not None:
         new_scene.require_new(out, force=force)
+        if schema:
+            scene_schema.require_place(out.with_name(scene_schema.SCHEMA_FILE), force=force)
+    elif schema:
+        raise InputError("--schema", "--out with the scene's file", "none", "Add --out.")
     wishes = Wishes(length, width, density)
     text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
     if out is None:
         print_lines(text.rstrip("\n"))
         return
+    if schema:
+        scene_schema.write_schema(out.with_name(scene_schema.SCHEMA_FILE))
+        text = f"{scene_schema.SCHEMA_LINE}\n{text}"
     new_scene.write_scene(text, out)
     print_lines(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))

@@ -27,9 +27,10 @@ def sweep(
         A built-in scene, a TOML file, or the sweep.toml of an earlier sweep; with --resume and --collect
         that of --out if left out.
     model
-        One, or several with commas between them: microscopic,rho_mono_kinetic.
+        One, or several with commas between them, as microscopic,rho_mono_kinetic; of microscopic,
+        mckean_vlasov, q_maxwellian, q_mono_kinetic, rho_mono_kinetic, diffusive and stationary_state.
     scheme
-        paper (the paper's numerics) or accurate.
+        paper (the paper's numerics) or accurate, which is taken if left out.
     set_
         Lists of values: key=a,b,c ...; commas in brackets belong to a value.
     """

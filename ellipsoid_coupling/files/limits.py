@@ -47,6 +47,13 @@ MOST_FLOW_ARRAYS = 10
 MOST_CHECKPOINT_ARRAYS = 200_000
 # Times of a solved case that are looked at to find the last one.
 MOST_TIMES = 100_000
+# The tables of a comparison: a hundred runs at a hundred times take 3 MB.
+MOST_TABLE_BYTES = 20_000_000
+# Pictures of a comparison that a report shows, and the bytes of one; ours take 0.2 MB.
+MOST_PICTURES = 50
+MOST_PICTURE_BYTES = 10_000_000
+# A GIF is put together in memory, where a frame takes about a megabyte.
+MOST_GIF_FRAMES = 1_000
 # Numbers beyond these leave double precision when multiplied: lengths go in squared, U in products.
 LARGEST_NUMBER = 1e100
 SMALLEST_NUMBER = 1e-100

@@ -37,6 +37,8 @@ class Diffusive(RGridEquation):
             label="diffusive limit",
             layout="rho",
             rank=6,
+            solves="the limit of strong damping, over (x, y)",
+            needs="numerics.cell that divides the domain; drag or noise on all that moves",
             style=LineStyle("#CC79A7", (0.0, (2.0, 1.0)), "v"),
             summation=on_r_grid,
             overdamped=True,

@@ -59,6 +59,8 @@ class ModelKind:
         The axes of its snapshots: see `Model.snapshot`.
     rank : int
         Its place in lists of models: from particles down to limits. Models from outside stand last.
+    solves, needs : str
+        What it solves, and what a scene must have or leave out for it, for `ellipsoid models`.
     style : LineStyle
     independent_realisations : bool
         Every realisation is a system of its own, and is stepped alone. Otherwise all that the model
@@ -82,6 +84,8 @@ class ModelKind:
     label: str
     layout: Layout
     rank: int = 100
+    solves: str = ""
+    needs: str = ""
     style: LineStyle = _UNDECLARED
     independent_realisations: bool = False
     random_motion: bool = False

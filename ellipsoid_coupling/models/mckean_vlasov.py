@@ -105,6 +105,7 @@ class McKeanVlasov(ParticleModel):
             label="McKean-Vlasov",
             layout="particles",
             rank=2,
+            solves="their limit of infinite N, by samples of one density",
             style=LineStyle("#000000", (0.0, (1.0, 1.0)), "*"),
             random_motion=True,
             summation=among_samples,

@@ -50,6 +50,7 @@ class Microscopic(ParticleModel):
             label="microscopic",
             layout="particles",
             rank=1,
+            solves="N interacting particles with noise, in independent realisations",
             style=LineStyle("#0072B2", "-", "o"),
             independent_realisations=True,
             random_motion=True,

@@ -28,6 +28,8 @@ class QMaxwellian(QEquation):
             label="q, Maxwellian",
             layout="q",
             rank=3,
+            solves="the closure over (x, y, theta) whose velocities spread like a Gaussian",
+            needs="numerics.cell that divides the domain",
             style=LineStyle("#E69F00", (0.0, (3.0, 1.0, 1.0, 1.0, 1.0, 1.0)), "D"),
             summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),
             pressure=PRESSURE["maxwellian"],

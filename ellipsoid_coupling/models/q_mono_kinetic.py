@@ -28,6 +28,8 @@ class QMonoKinetic(QEquation):
             label="q, mono-kinetic",
             layout="q",
             rank=4,
+            solves="the closure over (x, y, theta) with one velocity in each cell",
+            needs="numerics.cell that divides the domain",
             style=LineStyle("#009E73", (0.0, (5.0, 1.0, 1.0, 1.0)), "s"),
             summation=partial(on_q_grid, pressure=PRESSURE["mono_kinetic"]),
             pressure=PRESSURE["mono_kinetic"],

@@ -30,6 +30,8 @@ class RhoEquation(RGridEquation):
             label="rho, mono-kinetic",
             layout="rho",
             rank=5,
+            solves="the closure over (x, y) with one velocity and one angle in each cell",
+            needs="numerics.cell that divides the domain",
             style=LineStyle("#D55E00", (0.0, (4.0, 1.5)), "^"),
             summation=on_r_grid,
             pressure=PRESSURE["mono_kinetic"],

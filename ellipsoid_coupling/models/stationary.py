@@ -79,6 +79,8 @@ class StationaryState:
             label="stationary state",
             layout="q",
             rank=7,
+            solves="the state at rest, over (x, y, theta)",
+            needs="an [outer_potential]; no [flow], no [walls], no periodic sides",
             style=LineStyle("#56B4E9", (0.0, (6.0, 2.0)), "P"),
             random_motion=True,
             summation=partial(on_q_grid, pressure=PRESSURE["maxwellian"]),

@@ -24,6 +24,9 @@ from rich.progress import (
 from ellipsoid_coupling.compiled.events import listening
 from ellipsoid_coupling.files.signals import stopping
 
+# Before the number of kernels so far.
+COMPILING = "compiling (once per machine and version)"
+
 # Seconds between two checks whether a log needs a line, and the longest silence: during the work, and
 # before it begins.
 _BEAT, _SILENCE, _PATIENCE = 0.25, 1.0, 0.5
@@ -64,8 +67,8 @@ class _Heart:
 class Waiting:
     """Lines for a command without progress of its own: while it loads, and while it writes its results.
 
-    Nothing is written in the first half second, nor while a `ProgressReporter` is entered.
-    Use as a context; `clock` as there.
+    Nothing is written in the first half second, nor while a `ProgressReporter` is entered. Compiling is
+    told as such, and at once. Use as a context; `clock` as there.
     """
 
     busy: ClassVar[int] = 0  # the reporters that are entered now
@@ -74,14 +77,28 @@ class Waiting:
         self._clock = clock
         self._last_line = clock()
         self._what, self._pause = "loading", _PATIENCE
-        self._heart = _Heart(self.beat)
+        self._compiling, self._compiled = 0, 0
+        self._entered = ExitStack()
 
     def __enter__(self) -> Self:
-        self._heart.__enter__()
+        self._entered.enter_context(_Heart(self.beat))
+        self._entered.enter_context(listening(self._on_compiling))
         return self
 
     def __exit__(self, *_details: object) -> None:
-        self._heart.__exit__()
+        self._entered.close()
+
+    def _on_compiling(self, kernel: str | None) -> None:
+        """A kernel's compiling starts, or has ended; kernels are compiled within others."""
+        self._compiling += 1 if kernel is not None else -1
+        self._compiled += kernel is None
+        if self._compiling == 1 and self._compiled == 0 and not Waiting.busy:
+            self._line()
+
+    def _line(self) -> None:
+        self._last_line, self._pause = self._clock(), _SILENCE
+        kernels = f"{COMPILING}, {self._compiled} kernels so far"
+        _write(f"{kernels if self._compiling > 0 else self._what} ...")
 
     def beat(self) -> None:
         """Write a line if the command has been silent for long."""
@@ -89,8 +106,7 @@ class Waiting:
         if Waiting.busy:
             self._last_line, self._what, self._pause = now, "finishing", _PATIENCE
         elif now - self._last_line >= self._pause:
-            self._last_line, self._pause = now, _SILENCE
-            _write(f"{self._what} ...")
+            self._line()
 
 
 class ProgressReporter:
@@ -187,8 +203,7 @@ class ProgressReporter:
 
     def _status(self) -> str:
         if self._compiling > 0:
-            kernels = f"{self._compiled} kernels so far (kept for next time)"
-            return f"{stopping()}{self._stage}: compiling, {kernels}"
+            return f"{stopping()}{self._stage}: {COMPILING}, {self._compiled} kernels so far"
         return stopping() + self._stage
 
     def _line(self) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import os
+import pty
 import re
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 
 import pytest
@@ -16,7 +18,7 @@ import pytest
 from ellipsoid_coupling.compiled.events import announce
 from ellipsoid_coupling.files.signals import noticed, stopping
 from ellipsoid_coupling.output import progress
-from ellipsoid_coupling.output.progress import ProgressReporter, Waiting
+from ellipsoid_coupling.output.progress import COMPILING, ProgressReporter, Waiting
 
 Lines = Callable[[], list[str]]
 
@@ -53,13 +55,13 @@ def test_the_first_kernel_is_told_at_once_and_the_others_are_counted(
     with ProgressReporter("run", clock) as report:
         lines()
         announce("outer")
-        assert lines() == ["run: compiling, 0 kernels so far (kept for next time), 0 s"]
+        assert lines() == [f"run: {COMPILING}, 0 kernels so far, 0 s"]
         announce("inner")
         announce(None)
         assert lines() == []
         clock.now += 2.0
         report.beat()
-        assert lines() == ["run: compiling, 1 kernels so far (kept for next time), 2 s"]
+        assert lines() == [f"run: {COMPILING}, 1 kernels so far, 2 s"]
         announce(None)
         clock.now += 2.0
         report.beat()
@@ -81,7 +83,9 @@ def test_a_signal_that_waits_for_the_step_in_hand_is_told(clock: Clock, lines: L
         report.beat()
         (line,) = lines()
         # As many as tests before this one have compiled in this process.
-        assert re.match(r"stopping for SIGTERM after this step: run: compiling, \d+ kernels", line)
+        assert re.match(
+            r"stopping for SIGTERM after this step: run: compiling \(.*\), \d+ kernels", line
+        )
         announce(None)
         os.kill(os.getpid(), signal.SIGINT)
         clock.now += 2.0
@@ -149,6 +153,82 @@ def test_a_command_that_loads_says_so_after_a_while(clock: Clock, lines: Lines) 
         clock.now += 1.0
         waiting.beat()
         assert lines() == ["finishing ..."]
+
+
+def test_a_command_without_a_reporter_tells_of_compiling(clock: Clock, lines: Lines) -> None:
+    """At once, then as often as of anything; a reporter tells it instead where there is one."""
+    with Waiting(clock) as waiting:
+        announce("outer")
+        assert lines() == [f"{COMPILING}, 0 kernels so far ..."]
+        announce("inner")
+        announce(None)
+        clock.now += 1.1
+        waiting.beat()
+        assert lines() == [f"{COMPILING}, 1 kernels so far ..."]
+        announce(None)
+        clock.now += 1.1
+        waiting.beat()
+        assert lines() == ["loading ..."]
+    announce("after the end")
+    announce(None)
+    with Waiting(clock), ProgressReporter("run", clock):
+        announce("kernel")
+        announce(None)
+        assert lines() == ["run: 0 %", f"run: {COMPILING}, 0 kernels so far, 0 s"]
+
+
+class Terminal:
+    """The far end of a pseudo-terminal: what a program has written to it."""
+
+    def __init__(self) -> None:
+        self._far, near = pty.openpty()
+        self.stream = os.fdopen(near, "w", encoding="utf-8")
+
+    def shown(self) -> str:
+        """What has been written so far, less the codes that move the cursor and colour."""
+        os.set_blocking(self._far, False)
+        text = b""
+        with suppress(BlockingIOError):
+            while piece := os.read(self._far, 65536):
+                text += piece
+        return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text.decode())
+
+    def close(self) -> None:
+        self.stream.close()
+        os.close(self._far)
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    made = Terminal()
+    yield made
+    made.close()
+
+
+def test_a_terminal_shows_what_is_compiled_and_what_is_done(
+    clock: Clock, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drawn by `refresh` here and by rich ten times a second in a program, whatever the work does."""
+    # Here and not in the fixture: pytest puts its own stream there before it calls a test.
+    monkeypatch.setattr(sys, "stderr", terminal.stream)
+    monkeypatch.setenv("COLUMNS", "150")
+    monkeypatch.setenv("TERM", "xterm")
+    with ProgressReporter("run", clock) as report:
+        bar = report._bar
+        assert bar is not None
+        assert bar.live.auto_refresh
+        assert bar.live.refresh_per_second >= 2.0
+        bar.refresh()
+        assert "run" in terminal.shown()
+        announce("kernel")
+        bar.refresh()
+        assert f"run: {COMPILING}, 0 kernels so far" in terminal.shown()
+        announce(None)
+        report("stage", 0.25)
+        bar.refresh()
+        text = terminal.shown()
+        assert "stage" in text
+        assert "25 %" in text
 
 
 @pytest.mark.parametrize("stream", [None, io.StringIO()])

@@ -25,7 +25,7 @@ def in_shell(command: str, **changed: str) -> tuple[int, str, list[str]]:
         text=True,
         check=False,
     )
-    told = [line for line in done.stderr.splitlines() if line != "loading ..."]
+    told = [line for line in done.stderr.splitlines() if not line.endswith(" ...")]
     return done.returncode, done.stdout, told
 
 

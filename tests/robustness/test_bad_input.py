@@ -327,7 +327,7 @@ BAD: dict[str, tuple[Make, str]] = {
     "vtk cells": (vtk("internal.vtu", "NumberOfCells='256'", "NumberOfCells='x'"), r"found x"),
     "vtk base64": (vtk(LID, "\nmAE", "\n!AE"), r"lid\.vtp.*expected base64"),
     # Run folders.
-    "no result": (result(None), r"a run folder or a result\.nc, found none"),
+    "no result": (result(None), r"its result\.nc, found a folder without one"),
     "empty result": (result(b""), r"result\.nc: expected a result file, found no checksum"),
     "no hdf5": (result(b"\x89HDF\r\n\x1a\n" * 100), r"result\.nc: expected a result file"),
     "result is a pipe": (special_result(os.mkfifo), r"result\.nc: .*found a named pipe"),

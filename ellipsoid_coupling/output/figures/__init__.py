@@ -16,6 +16,7 @@ from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
 from ellipsoid_coupling.output.figures.stability import draw_stability
+from ellipsoid_coupling.output.figures.time_series import draw_time_series
 
 __all__ = [
     "UNRESOLVED_CLOSURE",
@@ -37,5 +38,6 @@ __all__ = [
     "draw_rates",
     "draw_sketch",
     "draw_stability",
+    "draw_time_series",
     "fitted_slope",
 ]

@@ -59,7 +59,7 @@ def _remove(folder: Path, owner: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FlowSeries(FlowField):
     """A flow at several times; see the module, and `at` for one of them.
 

@@ -52,7 +52,7 @@ from ellipsoid_coupling.files.hdf5_parts import (
 from ellipsoid_coupling.files.pieces import Packed, packed_layout, read_packed
 
 # A result has some 10 variables and 30 attributes; the scene's text is the longest of these.
-_MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 200, 4, 1000
+_MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 250, 4, 1000
 _MOST_MESSAGES = 1000
 # Bytes that may be read besides arrays, and the bytes added for each read.
 _MOST_READ, _EACH_READ = 20_000_000, 100

@@ -11,6 +11,7 @@ import os
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -124,10 +125,11 @@ def _create(
     kind = h5py.string_dtype() if variable.dtype == object else variable.dtype
     blank = empty if "_FillValue" in variable.attrs else None
     packing = pieces.packing(variable.values) if variable.dims[:1] == ("time",) else {}
-    stored = made.create_dataset(name, variable.shape, dtype=kind, track_order=True, **packing)
     if blank is None and not packing:
-        stored[...] = variable.values
+        # At once: h5py looks longer for the place of a part than it writes a small array.
+        stored = made.create_dataset(name, data=variable.values, dtype=kind, track_order=True)
     else:
+        stored = made.create_dataset(name, variable.shape, dtype=kind, track_order=True, **packing)
         for time, values in enumerate(variable.values):
             stored[time] = values if blank is None else np.where(blank[time], np.nan, values)
     _describe(stored, variable.attrs)
@@ -148,12 +150,20 @@ def _describe(stored: Any, attributes: Mapping[Any, Any]) -> None:
 
 def _put(stored: Any, name: str, value: NDArray[Any] | np.generic) -> None:
     """A new attribute; h5py's `attrs` would make it under another name and rename it."""
-    from h5py import h5a, h5s, h5t
+    from h5py import h5a, h5s
 
     array = np.asarray(value)
     space = h5s.create_simple(array.shape) if array.ndim else h5s.create(h5s.SCALAR)
-    kind = h5t.py_create(array.dtype, logical=True)
+    kind = _kind_of(array.dtype)
     h5a.create(stored.id, name.encode(), kind, space).write(array)
+
+
+@cache
+def _kind_of(dtype: np.dtype[Any]) -> Any:
+    """HDF5's type for numbers or texts; made once, which takes as long as to write an attribute."""
+    from h5py import h5t
+
+    return h5t.py_create(dtype, logical=True)
 
 
 def read_netcdf(path: Path) -> Stored:

@@ -252,10 +252,12 @@ class Result(Summarised):
         texts = {name: value for name, value in data.attrs.items() if isinstance(value, str)}
         data.attrs |= {name: shown(text)[: LONGEST_TEXT - 1] for name, text in texts.items()}
         data.attrs["scene_toml"] = self.scene.to_toml()
-        for name in derived(self):
-            data[name].attrs["_FillValue"] = np.nan
+        empty = empty_cells(self)
+        if empty is not None or self.unborn is not None:
+            for name in derived(self):
+                data.variables[name].attrs["_FillValue"] = np.nan
         with whole_file(path) as beside:
-            write_netcdf(data, beside, empty_cells(self))
+            write_netcdf(data, beside, empty)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

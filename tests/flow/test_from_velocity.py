@@ -43,15 +43,18 @@ def test_rotation_is_exact_to_rounding() -> None:
 
 @pytest.mark.parametrize("way", ["velocity", "psi"])
 def test_vortices_are_met_to_the_order_of_the_spline(way: str) -> None:
-    """Velocities are slopes of a cubic spline: third order, so halving h divides the error by about 8."""
+    """Velocities are slopes of a cubic spline: third order, so halving h divides the error by about 8.
+
+    From 64 cells on: below, psi's one-sided slopes at the rim, of fourth order, are the larger part.
+    """
 
     def psi(x: Array, y: Array) -> Array:
         return np.sin(K * x) * np.sin(K * y) / K
 
     made_from = vortices if way == "velocity" else psi
-    errors = [off(FlowField.from_function(made_from, SQUARE, cells=n)) for n in (32, 64, 128)]
+    errors = [off(FlowField.from_function(made_from, SQUARE, cells=n)) for n in (64, 128, 256)]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    assert np.all((orders > 2.85) & (orders < 3.3)), orders
+    assert np.all((orders > 2.9) & (orders < 3.2)), orders
 
 
 def test_a_grid_of_velocities_is_the_formula_sampled() -> None:

@@ -26,7 +26,7 @@ def test_a_result_of_each_layout_is_drawn(model: str, tmp_path: Path) -> None:
     shown = np.asarray(picture.get_array())
     wanted = result.density(60) if result.layout == "particles" else result.cell_density()
     assert np.array_equal(shown, wanted[-1])
-    assert np.array_equal(angles.get_data().values, result.angle_distribution(60)[-1])
+    assert np.array_equal(angles.get_data()[0], result.angle_distribution(60)[-1])
     assert matplotlib.image.imread(tmp_path / "result.png")[..., :3].std() > 0.01
     assert figure._repr_png_().startswith(b"\x89PNG")
 

@@ -71,7 +71,8 @@ def scene_flow(
         if names_flow(given):
             raise InputError(
                 f"scene {scene.name}", "a scene with a [flow] section, for the drag", "none",
-                'Leave out the flow, or add flow = {source = "given", drag = 10.0, angular_drag = 10.0}.',
+                "Leave out --flow (flow=...), or add "
+                'flow = {source = "given", drag = 1.0, angular_drag = 1.0}.',
             )  # fmt: skip
         return None
     if isinstance(given, str | Path):

@@ -216,7 +216,7 @@ class Result(Summarised):
             ("over", ", ".join(f"{name} {size}" for name, size in sizes)),
             ("resolution", str(told.get("resolution", ""))),
             ("seed", str(told.get("seed", ""))),
-            ("steps", str(told.get("steps", ""))),
+            ("steps", f"{told['steps']:g}" if "steps" in told else ""),
             ("seconds", f"{float(told.get('wall_seconds', 0.0)):.3g}"),
             *(("warning", line) for line in self.warnings),
         ]

@@ -53,8 +53,12 @@ class SceneMethods(Summarised, Part):
         size = f"{particles.length:g} x {particles.width:g}"
         times = [f"{time:g}" for time in scene.times]
         shown = times if len(times) <= 5 else [*times[:2], "...", times[-1]]
+        copies = particles.realisations
+        number = f"{particles.number} of {size}" + (
+            f", {copies} realisations" if copies > 1 else ""
+        )
         rows = [
-            ("particles", f"{particles.number} of {size}, {particles.realisations} realisations"),
+            ("particles", number),
             ("times", ", ".join(shown)),
             ("domain", f"{list(domain.x)} x {list(domain.y)}"),
         ]

@@ -47,7 +47,8 @@ def result_at_a_glance(result: Result, time: int = -1, path: str | Path | None =
 @styled
 def _result_figure(result: Result, time: int) -> Figure:
     domain = result.scene.domain
-    figure = new_figure(8.0, 3.6)
+    figure = new_figure(8.4, 3.6)
+    figure.set_layout_engine("constrained", wspace=0.06)
     left, right = figure.subplots(1, 2)
     if result.layout == "particles":
         density = result.density(HISTOGRAM_CELLS)[time]

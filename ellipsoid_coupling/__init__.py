@@ -2,10 +2,10 @@
 
 import ellipsoid_coupling as ec
 
-scene = ec.load_scene("cavity")
-result = ec.simulate(scene, model="rho_mono_kinetic")
+result = ec.simulate("cavity", model="rho_mono_kinetic")
 result.density(cells=30)
 result.angle_distribution(bins=60)
+result.plot()
 """
 
 from __future__ import annotations

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,10 @@ from ellipsoid_coupling.flow import (
     FlowField,
     FlowSeries,
     Wanted,
-    When,
-    closed_form_flow,
-    obtain_flow,
+    found_flow,
+    names_flow,
     open_window,
     require_covered,
-    wanted_path,
 )
 from ellipsoid_coupling.models import (
     ADAPTIVE_SCHEME,
@@ -47,8 +45,7 @@ from ellipsoid_coupling.models import (
 from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import MARKS, VARIABLES, Result, further_text
-from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.scene import Flow
+from ellipsoid_coupling.scenes import Scene, load_scene
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
@@ -71,55 +68,41 @@ def scene_flow(
         one that does not cover the scene's times.
     """
     if scene.flow is None:
-        if _names_flow(given):
+        if names_flow(given):
             raise InputError(
-                f"scene {scene.name}", "a scene with a [flow] section", "none", "Leave out --flow."
-            )
+                f"scene {scene.name}", "a scene with a [flow] section, for the drag", "none",
+                "Leave out --flow (flow=...), or add "
+                'flow = {source = "given", drag = 1.0, angular_drag = 1.0}.',
+            )  # fmt: skip
         return None
     if isinstance(given, str | Path):
         given = Wanted(Path(given))
     if isinstance(given, FlowField):
         flow = given
     else:
-        flow = _found_flow(scene, scene.flow, given or Wanted(), report)
+        flow = found_flow(scene, scene.flow, given or Wanted(), report)
     if isinstance(flow, FlowSeries):
         require_covered(f"scene {scene.name}, key times", flow.covers, scene.times[-1])
     return flow
 
 
-def _found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None) -> FlowField:
-    """The flow at the path that is `wanted`, else the scene's own."""
-    path = wanted_path(wanted, report)
-    if path is None and part.source == "closed_form":
-        return closed_form_flow(part, scene.domain)
-    if path is None and part.case is not None:
-        path = Path(part.case)
-    named = part.name, part.cells, path
-    when = When(part.time, part.repeat, scene.times[-1])
-    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
-
-
-def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
-    """Whether a flow is given, and not only how to take the scene's own."""
-    return given.path is not None if isinstance(given, Wanted) else given is not None
-
-
 def simulate(
-    scene: Scene,
+    scene: Scene | str | Path | Mapping[str, Any],
     model: str,
     scheme: SchemeName = ADAPTIVE_SCHEME,
     *,
     flow: FlowField | Wanted | str | Path | None = None,
-    seed: int = 0,
-    realisations: int | range | None = None,
-    folder: RunFolder | Path | None = None,
+    seed: SupportsIndex = 0,
+    realisations: SupportsIndex | range | None = None,
+    folder: RunFolder | str | Path | None = None,
     report: Report | None = None,
 ) -> Result:
     """Run one model on one scene to its last save time.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, name, path or table
+        As `load_scene` takes it.
     model : str
         A name of `ellipsoid_coupling.models.model_names`.
     scheme : "paper" or "accurate"
@@ -130,7 +113,7 @@ def simulate(
     realisations : int or range, optional
         Instead of the scene's number; a range gives the numbers of the realisations, so that a part of a
         large run has the bits that it has in the whole.
-    folder : RunFolder or Path, optional
+    folder : RunFolder or path, optional
         run.toml, checkpoints and result.nc go there; see `RunFolder` for resuming and overwriting.
     report : callable, optional
         Called with the stage and its finished part, between 0 and 1.
@@ -147,12 +130,13 @@ def simulate(
         With a folder only: after SIGTERM or SIGINT, or if the run would take too long; its checkpoint has
         been written.
     """
-    kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    kept_in = RunFolder(Path(folder)) if isinstance(folder, str | Path) else folder
     setup = checked_setup(scene, model, scheme, seed, realisations)
     if kept_in is not None:
         kept_in.check()
         kept_in.check_same(*identity(model, setup))
-    if not _names_flow(flow) and kept_in is not None and kept_in.keeps_flow:
+    if not names_flow(flow) and kept_in is not None and kept_in.keeps_flow:
         field = run_flow(kept_in.path, scene)
     else:
         field = scene_flow(scene, flow, report)
@@ -161,7 +145,11 @@ def simulate(
 
 
 def checked_setup(
-    scene: Scene, model: str, scheme: str, seed: int, realisations: int | range | None
+    scene: Scene,
+    model: str,
+    scheme: str,
+    seed: SupportsIndex,
+    realisations: SupportsIndex | range | None,
 ) -> Setup:
     """The setup, still without its flow; InputError for everything that can be refused without one."""
     count, first = _numbers(scene, model, realisations)
@@ -178,7 +166,9 @@ def checked_setup(
     return setup
 
 
-def _numbers(scene: Scene, model: str, realisations: int | range | None) -> tuple[int, int]:
+def _numbers(
+    scene: Scene, model: str, realisations: SupportsIndex | range | None
+) -> tuple[int, int]:
     """How many realisations, and the number of the first."""
     if realisations is None:
         return scene.particles.realisations, 0
@@ -196,10 +186,10 @@ def _numbers(scene: Scene, model: str, realisations: int | range | None) -> tupl
     return count, first
 
 
-def _whole(name: str, value: int, least: int, most: int) -> int:
+def _whole(name: str, value: SupportsIndex, least: int, most: int) -> int:
     """`value`, if it is a whole number within its bounds, Python's or numpy's; True is none."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not least <= value <= most:
+    if not whole or not least <= int(value) <= most:
         expected = f"a whole number from {least} to {most:g}"
         raise InputError(f"--{name}", expected, repr(value), "Change it.")
     return int(value)
@@ -351,6 +341,7 @@ class _Run:
             attributes={
                 "status": status,
                 "seed": self.setup.seed,
+                **_first(self.setup.first_realisation),
                 "resolution": self._resolution(),
                 "flow": self.setup.flow.origin if self.setup.flow else "none",
                 "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
@@ -366,6 +357,11 @@ class _Run:
             result.save(self.folder.result)
             self.folder.clear()
         return result
+
+
+def _first(realisation: int) -> dict[str, int]:
+    """The number of the first realisation of a part of a large run."""
+    return {"first_realisation": realisation} if realisation else {}
 
 
 def _require_declared(kind: ModelKind, snapshot: Arrays) -> None:

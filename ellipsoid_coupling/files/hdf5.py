@@ -2,10 +2,10 @@
 
 The HDF5 library follows every reference of a file: to other files and pipes, into arrays and texts of any
 size, and endlessly round a damaged heap. So it never reads a file from elsewhere. This reader accepts
-arrays of plain numbers, in one piece each, and attributes of text and numbers, all in the root group;
-everything else is a ValueError. Sizes are compared with the file before anything is read, and the bytes
-read besides arrays have a limit, which also ends every cycle. References and attributes of arrays are
-ignored; the file's checksum is `checksum`'s.
+arrays of plain numbers, in one piece each or packed by save times (`pieces`), and attributes of text and
+numbers, all in the root group; everything else is a ValueError. Sizes are compared with the file before
+anything is read, and the bytes read besides arrays have a limit, which also ends every cycle. References
+and attributes of arrays are ignored; the file's checksum is `checksum`'s.
 
 The format is described in "HDF5 File Format Specification Version 3.0". In short: a superblock names
 the root's header; a header is a list of messages; many links or attributes of one header lie in a heap
@@ -24,8 +24,35 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.files.hdf5_parts import (
+    ATTRIBUTE,
+    ATTRIBUTES,
+    DAMAGED,
+    ELSEWHERE,
+    FILTERS,
+    LAYOUT,
+    LINK,
+    LINKS,
+    NEXT,
+    PASSED_OVER,
+    SHARED,
+    SPACE,
+    TYPE,
+    Message,
+    attribute_of,
+    collection,
+    link_of,
+    messages_in,
+    number_type,
+    only,
+    shape_of,
+    whole,
+    width_of,
+)
+from ellipsoid_coupling.files.pieces import Packed, packed_layout, read_packed
+
 # A result has some 10 variables and 30 attributes; the scene's text is the longest of these.
-_MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 200, 4, 1000
+_MOST_OBJECTS, _MOST_ATTRIBUTES, _MOST_RANK, _MOST_VALUES = 50, 250, 4, 1000
 _MOST_MESSAGES = 1000
 # Bytes that may be read besides arrays, and the bytes added for each read.
 _MOST_READ, _EACH_READ = 20_000_000, 100
@@ -35,45 +62,6 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _OLDEST = bytes(5) + b"\x08\x08\x00"
 _NOWHERE = 2**64 - 1
 
-# Kinds of messages.
-_NIL, _SPACE, _LINKS, _TYPE, _LINK, _LAYOUT, _ATTRIBUTE, _NEXT, _ATTRIBUTES = (
-    0, 1, 2, 3, 6, 8, 12, 16, 21,
-)  # fmt: skip
-_PASSED_OVER = (_NIL, 4, 5, 10, 14, 18, 22)  # values of gaps, comments, times, counts
-# Where a message does not stand for itself, but for a named type or another header's.
-_SHARED = 2
-
-_DAMAGED = "a damaged file: parts beyond its end, of a wrong kind, or that lead in a circle"
-_ELSEWHERE = "in pieces, packed, or in another file"
-
-
-def _number_types() -> dict[bytes, np.dtype[np.generic]]:
-    """The description of each plain number in a file, without its version."""
-    floats = {
-        4: struct.pack("<HHBBBBI", 0, 32, 23, 8, 0, 23, 127),
-        8: struct.pack("<HHBBBBI", 0, 64, 52, 11, 0, 52, 1023),
-    }
-    known = {}
-    for big, order in enumerate("<>"):
-        for size, rest in floats.items():
-            lead = struct.pack("<BBBBI", 1, 0x20 | big, 8 * size - 1, 0, size)
-            known[lead + rest] = np.dtype(f"{order}f{size}")
-        for size in (1, 2, 4, 8):
-            for signed, letter in enumerate("ui"):
-                lead = struct.pack("<BBBBI", 0, 8 * signed | big, 0, 0, size)
-                known[lead + struct.pack("<HH", 0, 8 * size)] = np.dtype(f"{order}{letter}{size}")
-    return known
-
-
-_NUMBERS = _number_types()
-
-
-class Message(NamedTuple):
-    """A part of a header."""
-
-    kind: int
-    data: bytes
-
 
 class Variable(NamedTuple):
     """An array: where its numbers lie, None where it has none of its own."""
@@ -81,11 +69,17 @@ class Variable(NamedTuple):
     shape: tuple[int, ...]
     dtype: np.dtype[np.generic]
     address: int | None
+    packed: Packed | None = None
+
+    @property
+    def has_numbers(self) -> bool:
+        """Whether the file has numbers of it."""
+        return self.address is not None or self.packed is not None
 
     @property
     def length(self) -> int:
-        """The bytes that it takes from the file."""
-        return 0 if self.address is None else math.prod(self.shape) * self.dtype.itemsize
+        """The bytes that it takes from the file, unpacked."""
+        return math.prod(self.shape) * self.dtype.itemsize if self.has_numbers else 0
 
 
 class Reader:
@@ -93,11 +87,12 @@ class Reader:
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._handle, self._size, self._left = file.fileno(), size, _MOST_READ
+        self._left_packed = size
         self._texts: dict[int, dict[int, bytes]] = {}
         lead = self._read(0, 96)
         if lead[:16] != _SIGNATURE + _OLDEST or lead[24:32] != bytes(8):
             raise ValueError("no HDF5 file of the oldest format")
-        self._root = self._header(_whole(lead[64:72]))
+        self._root = self._header(whole(lead[64:72]))
 
     def variables(self) -> dict[str, Variable]:
         """The root's arrays."""
@@ -113,6 +108,8 @@ class Reader:
     def numbers(self, variable: Variable) -> NDArray[np.generic]:
         """An array's numbers."""
         values = np.zeros(variable.shape, variable.dtype)
+        if variable.packed is not None:
+            return read_packed(variable.packed, self._read, self._read_chunk, values)
         raw, done = values.reshape(-1).view(np.uint8).data, 0
         while done < variable.length and variable.address is not None:
             read = os.preadv(self._handle, [raw[done:]], variable.address + done)
@@ -123,20 +120,28 @@ class Reader:
 
     def attributes(self, but: tuple[str, ...]) -> Iterator[tuple[str, list[object]]]:
         """The root's attributes and their values; `but` those of these names, which are not read."""
-        dense = self._dense(_ATTRIBUTES, 8)
-        own = (message.data for message in self._root if message.kind == _ATTRIBUTE)
+        dense = self._dense(ATTRIBUTES, 8)
+        own = (message.data for message in self._root if message.kind == ATTRIBUTE)
         for count, data in enumerate(chain(own, dense)):
             if count == _MOST_ATTRIBUTES:
                 raise ValueError(f"more than {_MOST_ATTRIBUTES} attributes")
-            name, kind, space, values = _attribute(data)
+            name, kind, space, values = attribute_of(data)
             if name not in but:
                 yield name, self._values(name, kind, space, values)
 
     def _read(self, at: int, count: int) -> bytes:
         """`count` bytes from `at` on, all of them."""
         self._left -= count + _EACH_READ
-        if count < 0 or at + count > self._size or self._left < 0:
-            raise ValueError(_DAMAGED)
+        return self._counted(at, count, self._left)
+
+    def _read_chunk(self, at: int, count: int) -> bytes:
+        """As `_read`, of packed numbers: all of them take no more than the file."""
+        self._left_packed -= count
+        return self._counted(at, count, self._left_packed)
+
+    def _counted(self, at: int, count: int, left: int) -> bytes:
+        if count < 0 or at + count > self._size or left < 0:
+            raise ValueError(DAMAGED)
         data = os.pread(self._handle, count, at)
         if len(data) < count:
             raise ValueError("a file that has become shorter")
@@ -146,7 +151,7 @@ class Reader:
         """As `_read`, for a block that begins with this mark and version 0."""
         data = self._read(at, count)
         if not data.startswith(mark):
-            raise ValueError(_DAMAGED)
+            raise ValueError(DAMAGED)
         return data
 
     def _header(self, at: int) -> list[Message]:
@@ -157,11 +162,11 @@ class Reader:
         flags = lead[5]
         start = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
         width = 1 << (flags & 3)
-        length = _whole(self._read(start, width))
+        length = whole(self._read(start, width))
         pieces, messages = [self._read(start + width, length)], list[Message]()
         while pieces:
-            for message in _messages(pieces.pop(), 6 if flags & 4 else 4):
-                if message.kind == _NEXT:
+            for message in messages_in(pieces.pop(), 6 if flags & 4 else 4):
+                if message.kind == NEXT:
                     address, size = struct.unpack_from("<QQ", message.data)
                     pieces.append(self._block(address, b"OCHK", size)[4:-4])
                 else:
@@ -172,16 +177,16 @@ class Reader:
 
     def _links(self) -> Iterator[tuple[str, int]]:
         """Names and addresses of the objects in the root group."""
-        dense = self._dense(_LINKS, 5)
-        own = (message.data for message in self._root if message.kind == _LINK)
+        dense = self._dense(LINKS, 5)
+        own = (message.data for message in self._root if message.kind == LINK)
         for data in chain(own, dense):
-            yield _link(data)
+            yield link_of(data)
 
     def _dense(self, kind: int, tree_type: int) -> Iterator[bytes]:
         """The objects in the root's heap of this kind, links (5) or attributes (8)."""
         for message in self._root:
             if message.kind == kind:
-                counted = (8 if kind == _LINKS else 2) if message.data[1] & 1 else 0
+                counted = (8 if kind == LINKS else 2) if message.data[1] & 1 else 0
                 heap, tree = struct.unpack_from("<QQ", message.data, 2 + counted)
                 if heap != _NOWHERE:
                     yield from self._in_heap(heap, tree, tree_type)
@@ -189,23 +194,23 @@ class Reader:
     def _in_heap(self, heap: int, tree: int, tree_type: int) -> Iterator[bytes]:
         lead = self._block(heap, b"FRHP\x00", 142)
         id_bytes, filters = struct.unpack_from("<HH", lead, 5)
-        largest, bits = _whole(lead[10:14]), _whole(lead[128:130])
-        length = _width(min(largest, _whole(lead[120:128])))
+        largest, bits = whole(lead[10:14]), whole(lead[128:130])
+        length = width_of(min(largest, whole(lead[120:128])))
         offset = (bits + 7) // 8
         if filters or not 1 + offset + length <= id_bytes <= 8:
-            raise ValueError(_DAMAGED)
+            raise ValueError(DAMAGED)
         skipped = 4 if tree_type == 5 else 0
         for record in self._records(tree, tree_type, skipped + id_bytes):
             key = record[skipped:]
-            if key[0] or (tree_type == 8 and key[id_bytes] & _SHARED):
-                raise ValueError(_ELSEWHERE)  # too large for the heap, or shared
-            at, size = _whole(key[1 : 1 + offset]), _whole(key[1 + offset : 1 + offset + length])
+            if key[0] or (tree_type == 8 and key[id_bytes] & SHARED):
+                raise ValueError(ELSEWHERE)  # too large for the heap, or shared
+            at, size = whole(key[1 : 1 + offset]), whole(key[1 + offset : 1 + offset + length])
             yield self._read(self._in_blocks(lead, at, offset), size)
 
     def _in_blocks(self, lead: bytes, at: int, offset: int) -> int:
         """Where byte `at` of a heap lies in the file."""
-        width, first = _whole(lead[110:112]), _whole(lead[112:120])
-        root, rows = _whole(lead[132:140]), _whole(lead[140:142])
+        width, first = whole(lead[110:112]), whole(lead[112:120])
+        root, rows = whole(lead[132:140]), whole(lead[140:142])
         if not rows:
             return root + at
         start = 0
@@ -215,9 +220,9 @@ class Reader:
                 column = (at - start) // size
                 address = root + 13 + offset + 8 * (row * width + column)
                 self._block(root, b"FHIB\x00", 5)
-                return _whole(self._read(address, 8)) + at - start - column * size
+                return whole(self._read(address, 8)) + at - start - column * size
             start += width * size
-        raise ValueError(_DAMAGED)
+        raise ValueError(DAMAGED)
 
     def _records(self, tree: int, kind: int, least: int) -> Iterator[bytes]:
         """The records of a B-tree of at most two levels, in order."""
@@ -225,17 +230,17 @@ class Reader:
         node, size, depth = struct.unpack_from("<IHH", lead, 6)
         root, count = struct.unpack_from("<QH", lead, 16)
         if lead[5] != kind or size < least + (kind == 8) or node < size + 10 or depth > 1:
-            raise ValueError(_DAMAGED)
+            raise ValueError(DAMAGED)
         if root == _NOWHERE:
             return
         leaves = [(root, count)]
         if depth:
-            width = _width((node - 10) // size)
+            width = width_of((node - 10) // size)
             data = self._block(root, b"BTIN\x00", 6 + count * size + (count + 1) * (8 + width))[6:]
             yield from (data[k * size : (k + 1) * size] for k in range(count))
             behind = data[count * size :]
             leaves = [
-                (_whole(behind[k : k + 8]), _whole(behind[k + 8 : k + 8 + width]))
+                (whole(behind[k : k + 8]), whole(behind[k + 8 : k + 8 + width]))
                 for k in range(0, len(behind), 8 + width)
             ]
         for address, count in leaves:
@@ -245,20 +250,24 @@ class Reader:
     def _variable(self, name: str, at: int) -> Variable:
         """The array whose header is at `at`."""
         header = self._header(at)
-        if not any(message.kind == _LAYOUT for message in header):
+        if not any(message.kind == LAYOUT for message in header):
             raise ValueError(f"{name} as a group or a type, not a variable")
-        known = (_SPACE, _TYPE, _LAYOUT, _ATTRIBUTE, _ATTRIBUTES, *_PASSED_OVER)
+        known = (SPACE, TYPE, LAYOUT, FILTERS, ATTRIBUTE, ATTRIBUTES, *PASSED_OVER)
         if not all(message.kind in known for message in header):
-            raise ValueError(f"{name} {_ELSEWHERE}")
-        layout, space, kind = (_only(header, k) for k in (_LAYOUT, _SPACE, _TYPE))
-        shape, dtype = _shape(space), _number(kind)
+            raise ValueError(f"{name} {ELSEWHERE}")
+        layout, space, kind = (only(header, k) for k in (LAYOUT, SPACE, TYPE))
+        shape, dtype = shape_of(space), number_type(kind)
         if shape is None or not 0 < len(shape) <= _MOST_RANK or dtype is None:
             raise ValueError(f"{name} of a type that is no plain number, or of another shape")
         # A dimension of no length can grow, for HDF5: its arrays are made for pieces, and have none.
         if layout[0] in (3, 4) and layout[1] == 2 and not math.prod(shape):
             return Variable(shape, dtype, None)
+        if any(message.kind == FILTERS for message in header):
+            filters = only(header, FILTERS)
+            packed = packed_layout(layout, filters, shape, dtype.itemsize)
+            return Variable(shape, dtype, None, packed)
         if layout[0] not in (3, 4) or layout[1] != 1:
-            raise ValueError(f"{name} {_ELSEWHERE}")
+            raise ValueError(f"{name} {ELSEWHERE}")
         address, stored = struct.unpack_from("<QQ", layout, 2)
         variable = Variable(shape, dtype, None if address == _NOWHERE else address)
         if variable.address is None and len(shape) > 1 and math.prod(shape) > 0:
@@ -275,10 +284,10 @@ class Reader:
         """The values of an attribute: numbers, or texts."""
         if shape is None:
             raise ValueError(f"attribute {name} without a value")
-        count, size = int(math.prod(shape)), _whole(kind[4:8])
+        count, size = int(math.prod(shape)), whole(kind[4:8])
         if count > _MOST_VALUES or len(data) < count * size:
             raise ValueError(f"attribute {name} of shape {shape}")
-        dtype = _number(kind)
+        dtype = number_type(kind)
         if dtype is not None:
             return list(np.frombuffer(data, dtype, count).tolist())
         parts = [data[k * size : (k + 1) * size] for k in range(count)]
@@ -296,102 +305,9 @@ class Reader:
             return b""
         if heap not in self._texts:
             lead = self._block(heap, b"GCOL\x01", 16)
-            self._texts[heap] = _collection(self._read(heap, _whole(lead[8:])))
+            self._texts[heap] = collection(self._read(heap, whole(lead[8:])))
         text = self._texts[heap].get(index, b"")
         self._left -= len(text)
         if len(text) != length or self._left < 0:
             raise ValueError("a damaged file: text of another length, or too much of it")
         return text
-
-
-def _whole(data: bytes) -> int:
-    return int.from_bytes(data, "little")
-
-
-def _width(largest: int) -> int:
-    """The bytes that numbers up to `largest` take."""
-    return max((largest.bit_length() + 7) // 8, 1)
-
-
-def _messages(data: bytes, lead: int) -> Iterator[Message]:
-    """The messages of a piece of a header, `lead` bytes before each."""
-    at = 0
-    while at + lead <= len(data):
-        kind, size, flags = struct.unpack_from("<BHB", data, at)
-        at += lead + size
-        if at > len(data):
-            raise ValueError(_DAMAGED)
-        if kind not in _PASSED_OVER and flags & _SHARED:
-            raise ValueError("a named type")
-        yield Message(kind, data[at - size : at])
-
-
-def _only(header: list[Message], kind: int) -> bytes:
-    contents = [message.data for message in header if message.kind == kind]
-    if len(contents) != 1:
-        raise ValueError(_DAMAGED)
-    return contents[0]
-
-
-def _name(raw: bytes) -> str:
-    name = raw.rstrip(b"\0").decode("utf-8")
-    if not name.isprintable():
-        raise ValueError(f"a variable or attribute named {name!a}")
-    return name
-
-
-def _link(data: bytes) -> tuple[str, int]:
-    """The name and the address of a link."""
-    flags, at = data[1], 2
-    kind, at = (data[at], at + 1) if flags & 8 else (0, at)
-    at += (8 if flags & 4 else 0) + (1 if flags & 16 else 0)
-    width = 1 << (flags & 3)
-    start = at + width
-    end = start + _whole(data[at:start])
-    name = _name(data[start:end])
-    if data[0] != 1 or kind != 0 or len(data) < end + 8:
-        raise ValueError(f"{name} as a link to something else")
-    return name, _whole(data[end : end + 8])
-
-
-def _attribute(data: bytes) -> tuple[str, bytes, tuple[int, ...] | None, bytes]:
-    """The name, type, shape (None: no value) and bytes of an attribute."""
-    version, flags, *sizes = struct.unpack_from("<BBHHH", data)
-    if version not in (1, 2, 3) or (version > 1 and flags):
-        raise ValueError("an attribute of a named type")
-    parts, at = [], 9 if version == 3 else 8
-    for size in sizes:
-        parts.append(data[at : at + size])
-        at += (size + 7) // 8 * 8 if version == 1 else size
-    name, kind, space = parts
-    return _name(name), kind, _shape(space), data[at:]
-
-
-def _shape(space: bytes) -> tuple[int, ...] | None:
-    """Of a data space; None where it holds nothing."""
-    version, rank = space[0], space[1]
-    if version not in (1, 2) or (version == 2 and space[3] == 2):
-        return None
-    start = 8 if version == 1 else 4
-    return tuple(struct.unpack_from(f"<{rank}Q", space, start))
-
-
-def _number(kind: bytes) -> np.dtype[np.generic] | None:
-    """The plain number that a type describes; None for other types."""
-    plain = bytes([kind[0] & 15]) + kind[1 : 20 if kind[0] & 15 else 12]
-    return _NUMBERS.get(plain)
-
-
-def _collection(heap: bytes) -> dict[int, bytes]:
-    """The texts of a global heap by number; it ends with the part of number 0, or with the heap."""
-    found, at = dict[int, bytes](), 16
-    while at + 16 <= len(heap):
-        index, size = _whole(heap[at : at + 2]), _whole(heap[at + 8 : at + 16])
-        if index == 0:
-            break
-        at += 16
-        if index in found or at + size > len(heap):
-            raise ValueError("a damaged file: text that overlaps")
-        found[index] = heap[at : at + size]
-        at += (size + 7) // 8 * 8
-    return found

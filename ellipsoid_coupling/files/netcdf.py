@@ -11,6 +11,7 @@ import os
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -18,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files import pieces
 from ellipsoid_coupling.files.checksum import append_seal, open_sealed
 from ellipsoid_coupling.files.hdf5 import Reader
-from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, memory_limit
+from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, memory_left, memory_limit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,14 +55,22 @@ class Stored:
     sizes: dict[str, int]
 
 
-def write_netcdf(data: xr.Dataset, path: Path) -> None:
+def write_netcdf(data: xr.Dataset, path: Path, empty: NDArray[np.bool_] | None = None) -> None:
     """Write a data set of numbers and texts as NetCDF-4 with a checksum behind it.
 
-    Arrays go to the disk without a copy. The HDF5 library crashes on a full disk, so write errors are kept
-    from it and raised as OSError when it is done.
+    Arrays go to the disk without a copy, or with that of one save time. The HDF5 library crashes on a full
+    disk, so write errors are kept from it and raised as OSError when it is done.
 
     h5py's plain calls write a small result in 6 ms of CPU time; h5netcdf, which asks the file again and
     again for what it has just got, takes 30 ms.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Arrays over time that pack well are packed, save time by save time.
+    path : Path
+    empty : array, optional
+        Where variables with a `_FillValue`, of its shape, hold nothing: NaN in the file.
     """
     import h5py
 
@@ -71,14 +81,14 @@ def write_netcdf(data: xr.Dataset, path: Path) -> None:
             with h5py.File(target, "w", libver="earliest", track_order=True) as made:
                 versions = f"h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
                 _put(made, "_NCProperties", np.bytes_(f"version=2,{versions}"))
-                _write(made, data)
+                _write(made, data, empty)
         finally:
             if target.fault is not None:
                 raise target.fault
     append_seal(path)
 
 
-def _write(made: Any, data: xr.Dataset) -> None:
+def _write(made: Any, data: xr.Dataset, empty: NDArray[np.bool_] | None) -> None:
     """Dimensions as HDF5's scales, then the variables over them, as NetCDF-4 wants them."""
     from h5py import h5ds
 
@@ -98,7 +108,7 @@ def _write(made: Any, data: xr.Dataset) -> None:
     for key, variable in data.variables.items():
         if key in numbers:
             continue
-        stored = _create(made, str(key), variable)
+        stored = _create(made, str(key), variable, empty)
         for axis, dimension in enumerate(map(str, variable.dims)):
             h5ds.attach_scale(stored.id, scales[dimension].id, axis)
         places = [numbers[str(dimension)] for dimension in variable.dims]
@@ -106,12 +116,22 @@ def _write(made: Any, data: xr.Dataset) -> None:
         _put(stored, "_Netcdf4Dimid", np.int32(places[0]))
 
 
-def _create(made: Any, name: str, variable: xr.Variable) -> Any:
+def _create(
+    made: Any, name: str, variable: xr.Variable, empty: NDArray[np.bool_] | None = None
+) -> Any:
     """An array with its attributes; objects are texts."""
     import h5py
 
     kind = h5py.string_dtype() if variable.dtype == object else variable.dtype
-    stored = made.create_dataset(name, data=variable.values, dtype=kind, track_order=True)
+    blank = empty if "_FillValue" in variable.attrs else None
+    packing = pieces.packing(variable.values) if variable.dims[:1] == ("time",) else {}
+    if blank is None and not packing:
+        # At once: h5py looks longer for the place of a part than it writes a small array.
+        stored = made.create_dataset(name, data=variable.values, dtype=kind, track_order=True)
+    else:
+        stored = made.create_dataset(name, variable.shape, dtype=kind, track_order=True, **packing)
+        for time, values in enumerate(variable.values):
+            stored[time] = values if blank is None else np.where(blank[time], np.nan, values)
     _describe(stored, variable.attrs)
     return stored
 
@@ -130,12 +150,20 @@ def _describe(stored: Any, attributes: Mapping[Any, Any]) -> None:
 
 def _put(stored: Any, name: str, value: NDArray[Any] | np.generic) -> None:
     """A new attribute; h5py's `attrs` would make it under another name and rename it."""
-    from h5py import h5a, h5s, h5t
+    from h5py import h5a, h5s
 
     array = np.asarray(value)
     space = h5s.create_simple(array.shape) if array.ndim else h5s.create(h5s.SCALAR)
-    kind = h5t.py_create(array.dtype, logical=True)
+    kind = _kind_of(array.dtype)
     h5a.create(stored.id, name.encode(), kind, space).write(array)
+
+
+@cache
+def _kind_of(dtype: np.dtype[Any]) -> Any:
+    """HDF5's type for numbers or texts; made once, which takes as long as to write an attribute."""
+    from h5py import h5t
+
+    return h5t.py_create(dtype, logical=True)
 
 
 def read_netcdf(path: Path) -> Stored:
@@ -162,13 +190,17 @@ def _read_objects(
 ) -> tuple[dict[str, int], dict[str, NDArray[np.generic]]]:
     """Every array of the file; all sizes are checked before the first array is read."""
     variables = opened.variables()
-    needed = sum(variable.length for variable in variables.values())
-    if needed > size:
-        raise ValueError(f"{needed} bytes of numbers in a file of {size} bytes")
+    plain = sum(v.length for v in variables.values() if v.packed is None)
+    if plain > size:
+        raise ValueError(f"{plain} bytes of numbers in a file of {size} bytes")
+    packed = sum(v.length for v in variables.values() if v.packed is not None)
+    # Read one after another into memory that is not given back.
+    if packed > min(pieces.MOST_PACKED * size, memory_left() if packed else 0):
+        raise ValueError(f"{packed} bytes of packed numbers in a file of {size} bytes")
     sizes = {name: v.shape[0] for name, v in variables.items() if len(v.shape) == 1}
     # A dimension without a coordinate has no numbers.
     with_numbers = {
-        name: v for name, v in variables.items() if v.address is not None or not math.prod(v.shape)
+        name: v for name, v in variables.items() if v.has_numbers or not math.prod(v.shape)
     }
     return sizes, {name: opened.numbers(variable) for name, variable in with_numbers.items()}
 

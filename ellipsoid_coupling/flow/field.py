@@ -32,6 +32,7 @@ from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.saved import outline_arrays, read_saved
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
+from ellipsoid_coupling.flow.user_methods import FlowMethods
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.flow.interval import Interval
@@ -173,8 +174,8 @@ def _sample_many(
         )
 
 
-@dataclass(frozen=True)
-class FlowField:
+@dataclass(frozen=True, repr=False)
+class FlowField(FlowMethods):
     """A stationary plane flow.
 
     arrays : what compiled kernels take, see `FlowArrays` and `sample_flow`

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.analytic import closed_form_flow
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.kept_fields import kept_field
 from ellipsoid_coupling.flow.openfoam.programs import INSTALL, openfoam_available
@@ -21,6 +22,8 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
 )
 from ellipsoid_coupling.flow.series import load_flow
 from ellipsoid_coupling.flow.when import LATEST, When
+from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.scene import Flow
 
 SHIPPED = Path(__file__).parent / "shipped"
 
@@ -55,6 +58,28 @@ def wanted_path(wanted: Wanted, report: Report | None = None) -> Path | None:
     if wanted.path is None:
         raise InputError("--solve", "--flow CASE, the case to be solved", "none", "Add it.")
     return solve_case(wanted.path, report=report, to_rest=False)
+
+
+def found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None = None) -> FlowField:
+    """The flow at the path that is `wanted`, else the one that `part`, the scene's [flow], names."""
+    path = wanted_path(wanted, report)
+    if path is None and part.source == "closed_form":
+        return closed_form_flow(part, scene.domain)
+    if path is None and part.source == "given":
+        raise InputError(
+            f"scene {scene.name}, key flow.source", "the flow that it says is given", "none",
+            "Give one: --flow CASE, or flow=... in Python.",
+        )  # fmt: skip
+    if path is None and part.case is not None:
+        path = Path(part.case)
+    named = part.name, part.cells, path
+    when = When(part.time, part.repeat, scene.times[-1])
+    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
+
+
+def names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
+    """Whether a flow is given, and not only how to take the scene's own."""
+    return given.path is not None if isinstance(given, Wanted) else given is not None
 
 
 def obtain_flow(

@@ -6,6 +6,7 @@ four sides' walls gives the end slopes. Everything else is fitted, see `fitted`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +63,9 @@ def rectangle(mesh: MeshFlow, at: Lattice, at_points: Array) -> FlowField:
         x, y = _even_nodes(mesh)
         psi = RectBivariateSpline(at.y, at.x, psi)(y, x)
     walls = _wall_velocity(mesh, x, y)
-    return FlowField.from_stream_function(_constant_on_walls(psi), x, y, "", walls)
+    tolerance = SINGLE * np.ptp(psi)
+    closed = [bool(np.ptp(side) <= tolerance) for side in sides_around(psi)]
+    return FlowField.from_stream_function(constant_on(closed, psi), x, y, "", walls)
 
 
 def _levels(values: Array) -> Array:
@@ -96,13 +99,15 @@ def _evenly(low: float, high: float, cells: int) -> Array:
     return np.linspace(low, high, cells + 1)
 
 
-def _constant_on_walls(psi: Array) -> Array:
-    """The same psi with the sides that no fluid crosses made exactly constant, rounding removed."""
+def sides_around(nodes: Array) -> tuple[Array, Array, Array, Array]:
+    """Bottom, right, top, left of (ny+1, nx+1): each begins where the one before has ended."""
+    return nodes[0, :], nodes[:, -1], nodes[-1, ::-1], nodes[::-1, 0]
+
+
+def constant_on(closed: Sequence[bool], psi: Array) -> Array:
+    """The same psi, exactly constant on the `sides_around` that no fluid crosses."""
     psi = psi.copy()
-    tolerance = SINGLE * np.ptp(psi)
-    # Around the rectangle, so that each side begins where the one before has ended.
-    sides = (psi[0, :], psi[:, -1], psi[-1, ::-1], psi[::-1, 0])
-    closed = [bool(np.ptp(side) <= tolerance) for side in sides]
+    sides = sides_around(psi)
     first = closed.index(False) if False in closed else 0
     constant: float | None = None
     for k in range(first, first + 4):

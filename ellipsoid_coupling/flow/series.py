@@ -35,6 +35,7 @@ from ellipsoid_coupling.flow.saved_series import (
     read_index,
     write_series,
 )
+from ellipsoid_coupling.scenes.summary import Summary
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def _remove(folder: Path, owner: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FlowSeries(FlowField):
     """A flow at several times; see the module, and `at` for one of them.
 
@@ -209,6 +210,11 @@ class FlowSeries(FlowField):
         part = min(max((t - start) / (end - start), 0.0), 1.0)
         mean = blend(part, self.coefficients(number), self.coefficients(number + 1))
         return self._with(mean)
+
+    def _summary(self) -> Summary:
+        head, rows = super()._summary()
+        span = f"{self.times.size} from {self.times[0]:g} to {self.times[-1]:g}"
+        return Summary(head, [*rows, ("times", span + ", repeated" * self.repeat)])
 
     def steady_fields(self) -> Iterator[FlowField]:
         """The flow at each of its times."""

@@ -115,11 +115,13 @@ class RGridEquation(CellModel):
         return np.asarray(np.divide(content, rho, out=np.zeros_like(rho), where=rho > 0.0))
 
     def snapshot(self) -> Arrays:
-        """density, mean_angle, velocity_x, velocity_y, angular_velocity, each (ny, nx)."""
+        """density, mean_angle, velocity_x, velocity_y, angular_velocity, each (ny, nx); 0 in vacuum."""
         x, y, *spin = (self._advected(k) for k in self.cells.system.velocities)
+        density = self.cells.inside[0, 0].copy()
+        angle = self._forces.mean_angle(self.cells) + self._setup.scene.start.turns
         return {
-            "density": self.cells.inside[0, 0].copy(),
-            "mean_angle": self._forces.mean_angle(self.cells) + self._setup.scene.start.turns,
+            "density": density,
+            "mean_angle": np.where(density > 0.0, angle, 0.0),
             "velocity_x": x,
             "velocity_y": y,
             "angular_velocity": spin[0] if spin else np.zeros(self.grid.plane.shape),

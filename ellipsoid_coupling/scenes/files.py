@@ -7,7 +7,6 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from copy import deepcopy
 from importlib import resources
 from pathlib import Path
 from typing import Any, get_args
@@ -42,7 +41,8 @@ def load_scene(
     ----------
     scene : str, Path or mapping
         A name of `builtin_scenes`, the path of a TOML file, or a scene's sections by name:
-        ``{"name": "mine", "times": [1.0], "domain": {"x": [0.0, 1.0], ...}, ...}``.
+        ``{"name": "mine", "times": [1.0], "domain": {"x": [0.0, 1.0], ...}, ...}``. Numbers and arrays
+        may be numpy's.
     settings : mapping, optional
         Values that replace the file's, by dotted key: ``{"particles.number": 100}``; the value None
         takes a whole part out: ``{"interaction": None}``.
@@ -53,8 +53,7 @@ def load_scene(
         For a missing or unreadable file, an unknown key, a value of the wrong type or range.
     """
     if isinstance(scene, Mapping):
-        # A copy: settings are written into it.
-        table, where = deepcopy(dict(scene)), f"scene {scene.get('name', 'without a name')}"
+        table, where = _plain(scene), f"scene {scene.get('name', 'without a name')}"
     else:
         table, where = _read_table(scene)
     if _is_run(table):
@@ -64,8 +63,21 @@ def load_scene(
     elif not isinstance(scene, Mapping):
         _place_case(table, Path(scene))
     for key, value in (settings or {}).items():
-        set_key(table, key, value)
+        set_key(table, key, _plain(value))
     return scene_from_table(table, where)
+
+
+def _plain(value: Any) -> Any:
+    """A copy as a TOML file has it: numpy's numbers and arrays become Python's, paths become text."""
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    # numpy itself is not loaded for this.
+    as_python = getattr(value, "tolist", None)
+    return value if as_python is None else as_python()
 
 
 def _place_case(table: Table, file: Path) -> None:

@@ -20,6 +20,9 @@ class Meaning(NamedTuple):
 MEANINGS = {
     "name": Meaning("names the folders and files of results"),
     "title": Meaning("stands over figures"),
+    "units": Meaning(
+        "of lengths and times: SI for metres and seconds; without it those of results are 1"
+    ),
     "times": Meaning("when results are saved, increasing; a run starts at 0", "time"),
     "domain.x": Meaning("[low, high] of the rectangle in x", "length"),
     "domain.y": Meaning("[low, high] of the rectangle in y", "length"),
@@ -58,7 +61,7 @@ MEANINGS = {
         "time",
     ),
     "flow.repeat": Meaning("whether the first time follows again after the last one"),
-    "flow.source": Meaning("a solved OpenFOAM case, or a formula"),
+    "flow.source": Meaning("a solved OpenFOAM case, a formula, or a flow that the run is given"),
     "flow.field": Meaning("the name of the case or of the formula, or the path of a case"),
     "flow.cells": Meaning("cells a side when a case is solved or a formula is sampled", "1"),
     "flow.drag": Meaning("gamma, the rate at which velocities relax to the fluid's", "1/time"),

@@ -33,6 +33,7 @@ from ellipsoid_coupling.scenes.sides import (
     SideName,
     keys_of,
 )
+from ellipsoid_coupling.scenes.user_methods import SceneMethods
 from ellipsoid_coupling.scenes.values import (
     Count,
     FlowTime,
@@ -175,14 +176,15 @@ class Flow(Part):
     `source` "openfoam" names by `field` a case of foam_cases/ (solved with `cells` cells a side), or by
     `case` the folder of a solved one (relative to the scene file); "closed_form" a field of
     flow/analytic.py, or a registered one, with its `parameters`; a field that is not linear is sampled
-    with `cells` cells a side of the domain.
+    with `cells` cells a side of the domain. With "given" the flow comes with the run: --flow, or `flow`
+    of `simulate`.
 
     `time` says which times of the case: "latest", one of them, "all", or [t_0, t_1]. With several the
     flow is linear in time in between, and the scene's time 0 is the first of them, or t_0. With `repeat`
     the last of them is the first one, one period later.
     """
 
-    source: Literal["openfoam", "closed_form"] = "openfoam"
+    source: Literal["openfoam", "closed_form", "given"] = "openfoam"
     field: PathText | None = None
     case: PathText | None = None
     cells: Count = 100
@@ -194,13 +196,13 @@ class Flow(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.field is None) == (self.case is None):
+        if self.source == "given":
+            if (self.field, self.case, self.parameters) != (None, None, None):
+                raise ValueError('no field, case or parameters where source = "given"')
+        elif (self.field is None) == (self.case is None):
             raise ValueError("either field or case")
-        if self.source == "closed_form" and (self.case, self.time, self.repeat) != (
-            None,
-            "latest",
-            False,
-        ):
+        times = self.case, self.time, self.repeat
+        if self.source == "closed_form" and times != (None, "latest", False):
             raise ValueError("field alone for a closed form: case, time and repeat are OpenFOAM's")
         if not isinstance(self.time, str | float):
             require_interval("time", self.time)
@@ -211,7 +213,7 @@ class Flow(Part):
     @property
     def name(self) -> str:
         """The field's name, or the case's path."""
-        return self.field or self.case or ""
+        return self.field or self.case or self.source
 
     @property
     def named(self) -> tuple[object, ...]:
@@ -273,11 +275,12 @@ class Numerics(Part):
     flux: Line | None = None
 
 
-class Scene(Part):
+class Scene(SceneMethods):
     """One simulation's physics. Built by `load_scene`; see the class of each part for its keys."""
 
     name: Annotated[str, AfterValidator(file_name)]
     title: Line = ""
+    units: Literal["SI"] | None = None
     times: Times
     domain: Domain
     particles: Particles

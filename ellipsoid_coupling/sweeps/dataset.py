@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compare.distances import ANGLE_BINS, DENSITY_CELLS
+from ellipsoid_coupling.files.cf import CONVENTIONS
 from ellipsoid_coupling.files.netcdf import write_netcdf
 from ellipsoid_coupling.files.versions import version
 from ellipsoid_coupling.files.writing import whole_file
@@ -68,6 +69,8 @@ def assemble(
         _variables(sweep, scene, records, run_names),
         coords=_parameters(sweep) | _axes(sweep, scene),
         attrs={
+            "Conventions": CONVENTIONS,
+            "title": scene.title or scene.name,
             "scene": scene.name,
             "scheme": sweep.lists.scheme,
             "package_version": version("ellipsoid_coupling"),

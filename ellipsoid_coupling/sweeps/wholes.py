@@ -23,6 +23,7 @@ _SUMS = (
 _MEANS = ("mass_start", "mass_end", "mass_left")
 _ALIKE = (
     "status", "seed", "flow", "flow_digest", "package_version", "further_variables", "fate_meanings",
+    "first_realisation",  # the first piece's
 )  # fmt: skip
 
 

@@ -89,7 +89,9 @@ def registration() -> str:
 def _directive(path: str) -> str:
     is_class = isinstance(_named(path), type)
     kind = "exception" if _is_error(path) else "class" if is_class else "function"
-    members = "   :members:\n   :exclude-members: model_config\n" if kind == "class" else ""
+    # Methods of the package's own bases too, but not those of pydantic's models and of tuples.
+    members = "   :members:\n   :inherited-members: BaseModel,tuple,object\n"
+    members = members + "   :exclude-members: model_config\n" if kind == "class" else ""
     # Shown under the name that a user imports it by, though defined elsewhere.
     return f"```{{eval-rst}}\n.. auto{kind}:: {path}\n{members}```\n\n"
 

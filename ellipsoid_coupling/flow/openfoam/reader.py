@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, readable
+from ellipsoid_coupling.files.extras import require
 from ellipsoid_coupling.files.limits import MOST_PATCHES
 from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.field import FlowField
@@ -187,6 +188,7 @@ def _vtk_step(folder: Path) -> Path:
 
 def _read_vtu(step: Path) -> Raw:
     """internal.vtu by meshio; the patches beside it are .vtp files of polygons."""
+    require("meshio", "pyvista")
     import meshio
     import pyvista
 

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 from typing import Literal, ParamSpec
 from warnings import catch_warnings, filterwarnings
@@ -54,9 +55,19 @@ def styled(build: Callable[P, Figure]) -> Callable[P, Figure]:
     return under_settings
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows by itself, without matplotlib.pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        memory = BytesIO()
+        with settings():
+            self.savefig(memory, format="png", dpi=DOTS_PER_INCH / 2)
+        return memory.getvalue()
+
+
 def new_figure(width: float, height: float, layout: Layout = "constrained") -> Figure:
     """An empty figure of that size in inch, on a canvas that needs no display."""
-    figure = Figure(figsize=(width, height), layout=layout)
+    figure = ShownFigure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

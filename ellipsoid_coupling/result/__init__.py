@@ -1,0 +1,27 @@
+"""The result of a run: densities, angles and orientation on common bins, and its file."""
+
+from ellipsoid_coupling.result.layouts import (
+    DIMENSIONS,
+    FATE,
+    FROZEN,
+    FURTHER,
+    MARKS,
+    VARIABLES,
+    Layout,
+    further_text,
+    further_variables,
+)
+from ellipsoid_coupling.result.result import Result
+
+__all__ = [
+    "DIMENSIONS",
+    "FATE",
+    "FROZEN",
+    "FURTHER",
+    "MARKS",
+    "VARIABLES",
+    "Layout",
+    "Result",
+    "further_text",
+    "further_variables",
+]

@@ -1,0 +1,99 @@
+"""Whether what was read from a result file is a result: its variables, axes and attributes."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ellipsoid_coupling.errors import InputError, shown
+from ellipsoid_coupling.files.reading import exists, is_folder
+from ellipsoid_coupling.result.layouts import (
+    DIMENSIONS,
+    FATE,
+    FURTHER,
+    MARKS,
+    VARIABLES,
+    further_variables,
+)
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.result.result import Result
+
+REMEDY = "Give a result.nc that this package wrote."
+LONGEST_TEXT = 10_000
+
+# Attributes that the package shows, and those that it counts with; others may be anything.
+_TEXTS = (
+    "model", "scheme", "status", "warnings", "resolution", "flow", "flow_digest", "package_version",
+    "step_limits", "fates", "fate_meanings", "mass_left_by_patch", FURTHER,
+)  # fmt: skip
+_NUMBERS = (
+    "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
+    "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
+    "first_realisation",
+)  # fmt: skip
+
+
+def no_result(path: Path) -> InputError:
+    """What a path without a result is instead, where its files tell."""
+    found, remedy = "none", "Check the path."
+    if is_folder(path):
+        found, remedy = "a folder without one", "Name the folder that a run has printed last."
+    if exists(path / "run.toml"):
+        found = "a run that has not ended: it was killed, or is running"
+        named = shlex.quote(str(path)), shlex.quote(str(path / "run.toml"))
+        remedy = f"`ellipsoid run {named[1]} --resume --out {named[0]}` continues it."
+    elif exists(path / "errors.csv"):
+        found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
+    elif exists(path / "sweep.toml"):
+        found, remedy = "the folder of a sweep", "Name the folders of its points."
+    return InputError(str(path), "a finished run: its folder, or its result.nc", found, remedy)
+
+
+def check(result: Result, where: str, shape: tuple[int, ...]) -> None:
+    """InputError unless the variables are those of the layout, finite, at the scene's times."""
+    count = result.times.size
+    if not np.array_equal(result.times, result.scene.times[:count]):
+        expected = f"the scene's times {result.scene.times}"
+        raise InputError(f"{where}, time", expected, str(result.times), REMEDY)
+    wanted = (*VARIABLES[result.layout], *further_variables(result.attributes))
+    if set(result.variables) - set(MARKS[result.layout]) != set(wanted):
+        found = ", ".join(sorted(result.variables)) or "none"
+        raise InputError(where, f"the variables {', '.join(wanted)}", found, REMEDY)
+    for name, array in result.variables.items():
+        wanted_type = np.int32 if name == FATE else np.float64
+        if array.shape != shape or array.dtype != wanted_type:
+            over = ", ".join(DIMENSIONS[result.layout])
+            expected = f"{np.dtype(wanted_type)} over ({over}) = {shape}, alike for all variables"
+            found = f"{array.dtype} {array.shape}"
+            raise InputError(f"{where}, {name}", expected, found, REMEDY)
+    axes = set() if result.layout == "particles" else {*DIMENSIONS[result.layout]} - {"time"}
+    if set(result.coordinates) != axes:
+        raise InputError(where, f"numbers for the axes {', '.join(axes)}", "none", REMEDY)
+    for name, array in (result.variables | result.coordinates).items():
+        wrong = ~np.isfinite(array)
+        if result.unborn is not None and name in result.variables:
+            wrong &= ~result.unborn
+        if wrong.any():
+            raise InputError(
+                f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",
+                "NaN or infinity", REMEDY,
+            )  # fmt: skip
+    _check_attributes(result, where)
+
+
+def _check_attributes(result: Result, where: str) -> None:
+    """InputError unless the attributes that the package shows or computes with have their type."""
+    attributes = {"model": result.model, "scheme": result.scheme, **result.attributes}
+    for name, value in attributes.items():
+        is_text, is_number = isinstance(value, str), isinstance(value, int | float)
+        fits = is_text and shown(value) == value and len(value) < LONGEST_TEXT
+        if name in _TEXTS and not fits:
+            expected = f"text of at most {LONGEST_TEXT} printable characters"
+            raise InputError(f"{where}, attribute {name}", expected, repr(value), REMEDY)
+        if name in _NUMBERS and not (is_number and math.isfinite(value)):
+            raise InputError(f"{where}, attribute {name}", "a finite number", repr(value), REMEDY)

@@ -1,6 +1,6 @@
 """Figures as PNG files: one function a kind, all from `Result`s or plain arrays."""
 
-from ellipsoid_coupling.output.figures.all_figures import draw_all
+from ellipsoid_coupling.output.figures.all_figures import Look, draw_all
 from ellipsoid_coupling.output.figures.angles import draw_angles
 from ellipsoid_coupling.output.figures.convergence import draw_convergence, fitted_slope
 from ellipsoid_coupling.output.figures.decay import DecayCurve, RateCurve, draw_decay, draw_rates
@@ -10,19 +10,26 @@ from ellipsoid_coupling.output.figures.density import (
     density_rows,
     draw_density,
 )
+from ellipsoid_coupling.output.figures.directors import AxisRow, axis_rows, draw_directors
 from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
 from ellipsoid_coupling.output.figures.error_budget import UNRESOLVED_CLOSURE, PartBars, draw_parts
 from ellipsoid_coupling.output.figures.flow import draw_flow
 from ellipsoid_coupling.output.figures.frontier import draw_frontier
+from ellipsoid_coupling.output.figures.order import draw_order
 from ellipsoid_coupling.output.figures.sketch import draw_sketch
 from ellipsoid_coupling.output.figures.stability import draw_stability
+from ellipsoid_coupling.output.figures.style import PAPER_COLOURS
 
 __all__ = [
+    "PAPER_COLOURS",
     "UNRESOLVED_CLOSURE",
+    "AxisRow",
     "DecayCurve",
     "DensityRow",
+    "Look",
     "PartBars",
     "RateCurve",
+    "axis_rows",
     "common_maximum",
     "density_rows",
     "draw_all",
@@ -30,9 +37,11 @@ __all__ = [
     "draw_convergence",
     "draw_decay",
     "draw_density",
+    "draw_directors",
     "draw_ellipses",
     "draw_flow",
     "draw_frontier",
+    "draw_order",
     "draw_parts",
     "draw_rates",
     "draw_sketch",

@@ -25,8 +25,11 @@ def test_every_picture_has_a_stamp_and_a_module_that_draws_it() -> None:
 def test_a_picture_is_the_stamped_one_and_todays_code_draws_it(name: str) -> None:
     stamp = stamps.read_stamps(PICTURES)[name]
     assert stamp["picture"] == stamps.checksum(PICTURES / name), AGAIN
-    assert stamp["drawn_by"] == stamps.drawing_digest(name), AGAIN
-    assert re.match(r"Measured on \d{4}-\d\d-\d\d, .+, at commit ", stamp["made"])
+    assert re.match(r"Measured .*at commit [0-9a-f]{7}", stamp["made"])
+    if stamp["drawn_by"] == stamps.EARLIER:
+        assert name in stamps.MAY_WAIT, AGAIN
+    else:
+        assert stamp["drawn_by"] == stamps.drawing_digest(name), AGAIN
 
 
 def test_pictures_that_pages_show_are_there() -> None:

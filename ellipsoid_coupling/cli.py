@@ -272,23 +272,39 @@ def export(run: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fal
 
 
 @app.command
-def figures(runs: Names, /, *, output: Output = _OUTPUT) -> None:
-    """Draw the paper's pictures of finished runs; without --out into results/....
+def figures(
+    runs: Names,
+    /,
+    *,
+    own_scales: Annotated[bool, Parameter(negative="")] = False,
+    paper_colours: Annotated[bool, Parameter(negative="")] = False,
+    output: Output = _OUTPUT,
+) -> None:
+    """Draw densities, axes, order, flow and walls of finished runs; without --out into results/....
 
     Parameters
     ----------
     runs
         Run folders; those of one scene are drawn together.
+    own_scales
+        A colour scale of its own for the densities of each time, not one for all.
+    paper_colours
+        Densities in the paper's colours (jet).
     """
-    from ellipsoid_coupling.output.figures import draw_all
+    from ellipsoid_coupling.output.figures import PAPER_COLOURS, Look, draw_all
     from ellipsoid_coupling.output.labels import print_warnings
     from ellipsoid_coupling.storage.run_flow import load_runs
 
     output.check()
     results, flows = load_runs(runs)
-    with output.folder("figures") as folder, ProgressReporter("figures"):
+    look = Look()
+    if own_scales:
+        look = look._replace(scale="time")
+    if paper_colours:
+        look = look._replace(colours=PAPER_COLOURS)
+    with output.folder("figures") as folder, ProgressReporter("figures") as report:
         folder.mkdir(parents=True, exist_ok=True)
-        draw_all(results, folder, flows)
+        draw_all(results, folder, flows, look, report)
     print_warnings(results)
     print_lines(str(folder))
 

@@ -23,11 +23,14 @@ from ellipsoid_coupling.compare import Frontier, short_frontier
 from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.output.figures import (
     DensityRow,
+    axis_rows,
     density_rows,
     draw_angles,
     draw_density,
+    draw_directors,
     draw_ellipses,
     draw_flow,
+    draw_order,
 )
 from ellipsoid_coupling.output.frontier_report import report_frontiers
 from ellipsoid_coupling.output.paraview import export, export_flow
@@ -68,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
         draw_pictures(frontiers, flow, folder, report)
         write_paraview(frontiers, flow, folder / "paraview", report)
     report_frontiers(frontiers, folder)
-    report_walls(walls, frontiers[1], folder)
+    report_walls(walls, frontiers[1], flow, folder)
     print_table("Flow", ("", ""), [("source", flow.origin)])
     sys.stdout.write(f"{time.perf_counter() - started:.0f} s\n{folder}\n")
     return folder
@@ -102,7 +105,9 @@ def fastest(result: Result) -> float:
     return float(speed[filled].max())
 
 
-def report_walls(walls: dict[str, Result], frontier: Frontier, folder: Path) -> None:
+def report_walls(
+    walls: dict[str, Result], frontier: Frontier, flow: FlowField, folder: Path
+) -> None:
     """Which wall lets how much mass to the lid: a table and a picture."""
     rows = [
         (
@@ -122,15 +127,19 @@ def report_walls(walls: dict[str, Result], frontier: Frontier, folder: Path) -> 
     print_table("Cavity with interaction: the two ghost densities", columns, rows)
     panels: list[DensityRow] = []
     for name, result in walls.items():
-        panels += [row._replace(label=f"rho, {name}") for row in density_rows([result])]
-    panels += density_rows([ensemble])[1:]
+        label = f"rho, {name}"
+        panels += [
+            row._replace(label=label, details=row.details.replace(row.label, label))
+            for row in density_rows([result], flow=flow)
+        ]
+    panels += density_rows([ensemble], histograms=False, flow=flow)
     draw_density(panels, folder / "walls.png", title="Ghost cells: matched and 1/h²")
 
 
 def draw_pictures(
     frontiers: list[Frontier], flow: FlowField, folder: Path, report: ProgressReporter
 ) -> None:
-    """The paper's pictures: flow, densities with and without interaction, angles, ellipses."""
+    """Flow, densities with and without interaction, angles, mean axes, order, ellipses."""
     report("pictures", 0.0)
     scene: Scene = frontiers[0].reference.scene
     draw_flow(flow, (*scene.domain.x, *scene.domain.y), folder / "flow.png", title="Cavity flow")
@@ -139,8 +148,12 @@ def draw_pictures(
             frontier.finest[model, "accurate"] for model in ("microscopic", "rho_mono_kinetic")
         ]
         name, title = results[0].scene.name, results[0].scene.title
-        draw_density(density_rows(results), folder / f"density_{name}.png", title=title)
+        rows = density_rows(results, flow=flow)
+        draw_density(rows, folder / f"density_{name}.png", title=title)
         draw_angles(results, folder / f"angles_{name}.png", title=title)
+        axes = axis_rows(results, flow)
+        draw_directors(axes, folder / f"directors_{name}.png", title=title)
+        draw_order(results, folder / f"order_{name}.png", title=title)
         draw_ellipses(results[0], folder / f"ellipses_{name}.png", flow=flow, title=title)
         report("pictures", (number + 1) / len(frontiers))
 
@@ -153,7 +166,7 @@ def write_paraview(
     for frontier in frontiers:
         for (model, scheme), result in frontier.finest.items():
             if scheme == "accurate":
-                export(result, folder / f"{result.scene.name}-{model}")
+                export(result, folder / f"{result.scene.name}-{model}", flow)
     export_flow(flow, frontiers[1].reference.scene, folder / "flow")
     report("ParaView files", 1.0)
 

@@ -16,11 +16,14 @@ from ellipsoid_coupling.compare import errors_against
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.models import SCHEMES, SchemeName
 from ellipsoid_coupling.output.figures import (
+    axis_rows,
     density_rows,
     draw_angles,
     draw_density,
+    draw_directors,
     draw_ellipses,
     draw_flow,
+    draw_order,
 )
 from ellipsoid_coupling.simulation import scene_flow
 
@@ -116,13 +119,21 @@ def scene_figures(page: Page, name: str, runs: Runs) -> None:
     page.add(draw_ellipses(snapshot, path, flow=flow), f"{scene.title}: ellipses to scale.")
     for scheme, title in TITLES.items():
         path = page.folder / f"{name}_density_{scheme}.png"
-        rows = density_rows(list(runs.by_scheme[scheme].values()))
+        rows = density_rows(list(runs.by_scheme[scheme].values()), flow=flow)
         page.add(draw_density(rows, path, title=title), f"{scene.title}: densities, {title}.")
         path = page.folder / f"{name}_angles_{scheme}.png"
         caption = (
             f"{scene.title}: angle distributions, {title}; McKean-Vlasov is the limit of many."
         )
         page.add(draw_angles(runs.shown(scheme), path, title=title), caption)
+    accurate = list(runs.by_scheme["accurate"].values())
+    if accurate:
+        path = page.folder / f"{name}_directors.png"
+        caption = f"{scene.title}: mean axes, as long as the order S."
+        page.add(draw_directors(axis_rows(accurate, flow), path), caption)
+        path = page.folder / f"{name}_order.png"
+        caption = f"{scene.title}: the order of the axes."
+        page.add(draw_order(runs.shown("accurate"), path), caption)
 
 
 def distances(

@@ -2,10 +2,10 @@
 
     bash workflows/results.sh [--only PART ...] [--quick] [--out DIR] [--pages DIR]
 
-Runs the main job, the paper again, the frontier, the stability map and the benchmark, one after
-another, each into a folder of its own below --out. Then it replaces the tables that the pages
-include and the pictures that they and the README show: those of the checkout, or with --pages those
-below another folder.
+Runs the main job, the paper again, ellipses in two flows, the frontier, the stability map and the
+benchmark, one after another, each into a folder of its own below --out. Then it replaces the tables
+that the pages include and the pictures that they and the README show, which it stamps: those of the
+checkout, or with --pages those below another folder.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from typing import NamedTuple
 
 import benchmark
 import cavity
+import flow_pictures
 import frontier
 import paper
+from stamps import stamp_pictures
 
 from ellipsoid_coupling.compare.stability import chosen_cases, map_stability
 from ellipsoid_coupling.errors import run_in_words
@@ -57,8 +59,14 @@ def told_by_cavity(folder: Path, *, quick: bool) -> Told:
     """The main job at the paper's numbers: pictures alone."""
     cavity.main(["--out", str(folder), *(["--set", *TINY] if quick else ["--full"])])
     names = ["density_cavity", "density_cavity_free", "ellipses_cavity", "angles_cavity_free"]
-    names += ["flow", "walls", "error_against_run_time_cavity_free"]
+    names += ["directors_cavity", "flow", "walls", "error_against_run_time_cavity_free"]
     return Told(pictures=tuple(f"{name}.png" for name in names))
+
+
+def told_by_flows(folder: Path, *, quick: bool) -> Told:
+    """Ellipses in the vortex street and in the elbow: pictures alone."""
+    flow_pictures.main(["--out", str(folder), *_quick(quick)])
+    return Told(pictures=tuple(f"{picture.scene}.png" for picture in flow_pictures.PICTURES))
 
 
 def told_by_paper(folder: Path, *, quick: bool) -> Told:
@@ -97,6 +105,7 @@ def told_by_benchmark(folder: Path, *, quick: bool) -> Told:
 
 PARTS: dict[str, Callable[..., Told]] = {
     "cavity": told_by_cavity,
+    "flows": told_by_flows,
     "paper": told_by_paper,
     "frontier": told_by_frontier,
     "stability": told_by_stability,
@@ -131,10 +140,11 @@ def replace(name: str, folder: Path, told: Told, pages: Path) -> None:
     tables, pictures = pages / "docs" / "pages" / "results" / "tables", pages / "pictures"
     tables.mkdir(parents=True, exist_ok=True)
     pictures.mkdir(parents=True, exist_ok=True)
-    for picture in told.pictures:
-        shutil.copyfile(folder / picture, pictures / picture)
-    if name in RENAMED:
-        shutil.copyfile(folder / RENAMED[name][0], pictures / RENAMED[name][1])
+    copies = [(picture, picture) for picture in told.pictures]
+    copies += [RENAMED[name]] if name in RENAMED else []
+    for made, shown in copies:
+        shutil.copyfile(folder / made, pictures / shown)
+    stamp_pictures(pictures, [shown for _, shown in copies], stamp())
     if told.table:
         text = "\n\n".join(part for part in (stamp(), told.before, table(told.table)) if part)
         with whole_file(tables / f"{name}.md") as beside:

@@ -44,6 +44,34 @@ def result_labels(results: Sequence[Result]) -> list[str]:
     return [literal(label) + number for label, number in zip(labels, numbers, strict=True)]
 
 
+def run_details(results: Sequence[Result]) -> list[str]:
+    """What a figure says of each result besides its label: "rho: accurate, h = 0.01".
+
+    Scheme, particles times realisations or cells, and step, unless the label has them.
+    """
+    return [
+        f"{label}: {', '.join(parts)}" if parts else label
+        for label, parts in zip(result_labels(results), _left_out(results), strict=True)
+    ]
+
+
+def long_labels(results: Sequence[Result]) -> list[str]:
+    """The labels with a second line, the details of the run."""
+    return [
+        f"{label}\n{', '.join(parts)}" if parts else label
+        for label, parts in zip(result_labels(results), _left_out(results), strict=True)
+    ]
+
+
+def _left_out(results: Sequence[Result]) -> list[list[str]]:
+    """Scheme and resolution of each result, as far as its label does not name them."""
+    parts = []
+    for label, result in zip(result_labels(results), results, strict=True):
+        both = (literal(result.scheme), literal(str(result.attributes.get("resolution", ""))))
+        parts.append([part for part in both if part and part not in label])
+    return parts
+
+
 def flow_numbers(results: Sequence[Result]) -> list[str]:
     """Per result "flow 1", "flow 2", ...: different flows in the order in which they first occur."""
     digests = [str(result.attributes.get("flow_digest", "none")) for result in results]

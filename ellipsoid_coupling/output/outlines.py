@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.outline import Outline, polygon_outline
+from ellipsoid_coupling.scenes import Scene
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +51,31 @@ def square_outlines(x: Floats, y: Floats, width: float) -> Floats:
     """The corners of squares around centres (n,), anticlockwise, (n, 4, 2)."""
     corners = 0.5 * width * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return np.asarray(np.stack([x, y], axis=-1)[:, None, :] + corners)
+
+
+def drawn_outline(scene: Scene, flow: FlowField | None) -> Outline:
+    """Where the fluid of a scene ends: at the edges of its flow's case, else at the sides of its domain.
+
+    Sides at which particles bounce are walls there, others are open.
+    """
+    if flow is not None and flow.outline is not None:
+        return flow.outline
+    (left, right), (low, high) = scene.domain.x, scene.domain.y
+    corners = {
+        "bottom": ((left, low), (right, low)),
+        "right": ((right, low), (right, high)),
+        "top": ((right, high), (left, high)),
+        "left": ((left, high), (left, low)),
+    }
+    return polygon_outline(
+        (
+            name,
+            "wall" if side.particles == "reflect" else "patch",
+            np.array(corners[name]),
+            False,
+        )
+        for name, side in scene.sides.items()
+    )
 
 
 def outline_loops(outline: Outline) -> list[Floats]:

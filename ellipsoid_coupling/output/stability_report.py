@@ -35,7 +35,9 @@ td, th { border: 1px solid #ccc; padding: 0.2em 0.5em; text-align: left; vertica
 .stopped, .broken { background: #fddbc7; } .refused { background: #eee; }
 """
 _EXPLANATION = f"""
-<p>Every case changes one thing of a small scene, some two: a box with walls in a rigid rotation, 40
+<p>The first map has one row for all cases that vary the same thing: their largest error, or how many
+of them did not hold. Every case changes one thing of a small scene, some two: a box with walls in a
+rigid rotation, 40
 particles, 12 x 12 cells, 16 angles. Every model runs it with both schemes. An entry shows the error:
 the larger of the mean distance by which mass lies off along x or y (in widths of the domain) and of
 the difference of &lt;e<sup>2 i theta</sup>&gt; (0 to 2), against the reference that the table below
@@ -60,15 +62,20 @@ of a hundredth of a cell) or that its paths are chaotic, not that the scheme fai
 
 
 def report_stability(entries: Sequence[MapEntry], cases: Sequence[Case], folder: Path) -> None:
-    """stability.csv, stability.png and index.html in `folder`, which is made."""
+    """Write stability.csv, index.html and the two maps in `folder`, which is made.
+
+    stability.png is the one in groups, stability_cases.png that of all cases.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_stability(entries, folder)
-    draw_stability(entries, folder / "stability.png")
+    draw_stability(entries, folder / "stability.png", grouped=True)
+    draw_stability(entries, folder / "stability_cases.png")
     text = (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Stability map</title>'
         f"<style>{_STYLE}</style></head><body><h1>Stability map</h1>{_EXPLANATION}"
         f"<h2>Summary</h2>{_table(SUMMARY_COLUMNS, summary_rows(entries))}"
-        '<p><img src="stability.png" alt="cases against models and schemes"></p>'
+        '<p><img src="stability.png" alt="groups of cases against models and schemes"></p>'
+        '<h2>Case by case</h2><p><img src="stability_cases.png" alt="all cases"></p>'
         f"<h2>Runs that did not hold</h2>{_failures(entries)}"
         f"<h2>The cases</h2>{_table(('case', 'changes'), _case_rows(cases))}"
         f"<h2>All runs</h2>{_runs(entries)}</body></html>\n"

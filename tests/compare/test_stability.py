@@ -92,6 +92,7 @@ def test_the_report_is_whole(tmp_path: Path) -> None:
     assert "&lt;b&gt;" in page
     assert "a &amp; b" in page
     assert (tmp_path / "stability.png").stat().st_size > 10_000
+    assert (tmp_path / "stability_cases.png").stat().st_size > 10_000
     assert [row[:3] for row in summary_rows(entries)][-2:] == [
         ("all", "paper", "2"),
         ("all", "accurate", "2"),

@@ -184,4 +184,4 @@ def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
     assert len(text.splitlines()) <= 150
     for link in re.findall(r"\]\(([^)#]+)\)", text):
         assert (TOP / link).exists(), link
-    assert text.count("![") == 3
+    assert text.count("![") == 5

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from ellipsoid_coupling.output.outlines import CORNERS, ellipse_outlines, square_outlines
+from ellipsoid_coupling.geometry.inside import enclosed_area
+from ellipsoid_coupling.output.outlines import (
+    CORNERS,
+    drawn_outline,
+    ellipse_outlines,
+    square_outlines,
+)
+from ellipsoid_coupling.scenes import load_scene
 
 
 def polygon_area(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
@@ -35,3 +43,14 @@ def test_squares_surround_their_centres() -> None:
     squares = square_outlines(np.array([1.0, 2.0]), np.array([5.0, 6.0]), 0.5)
     np.testing.assert_allclose(squares.mean(axis=1), [[1.0, 5.0], [2.0, 6.0]])
     assert [polygon_area(square) for square in squares] == [0.25, 0.25]
+
+
+@pytest.mark.parametrize(("boundary", "kind"), [("reflecting", "wall"), ("open", "patch")])
+def test_without_a_case_the_sides_of_the_domain_bound_the_fluid(boundary: str, kind: str) -> None:
+    """Counter-clockwise: the area that the edges enclose is the domain's, to rounding."""
+    scene = load_scene("rotation", {"domain.boundary": boundary})
+    outline = drawn_outline(scene, None)
+    assert set(outline.types) == {kind}
+    assert set(outline.names) == {"left", "right", "bottom", "top"}
+    area = scene.domain.width * scene.domain.height
+    assert enclosed_area(outline.ends) == pytest.approx(area, rel=1e-14)

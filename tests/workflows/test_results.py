@@ -18,6 +18,7 @@ import frontier
 import paper
 import paper_page
 import results
+import stamps
 from benchmark_tools import Row
 
 TOP = Path(__file__).parents[2]
@@ -97,7 +98,12 @@ def test_choices_become_a_table_and_pictures(
 
     monkeypatch.setattr(frontier, "main", short_frontier)
     results.main(["--only", "frontier", "--out", str(tmp_path / "out"), "--pages", str(tmp_path)])
-    pictures = {path.name: path.read_text() for path in (tmp_path / "pictures").iterdir()}
+    pictures = {path.name: path.read_text() for path in (tmp_path / "pictures").glob("*.png")}
+    told = stamps.read_stamps(tmp_path / "pictures")
+    assert set(told) == set(pictures)
+    for name, stamp in told.items():
+        assert stamp["picture"] == stamps.checksum(tmp_path / "pictures" / name)
+        assert stamp["drawn_by"] == stamps.drawing_digest(name)
     assert pictures == {
         "error_parts_cavity_free.png": "error_parts",
         "frontier_cavity_free.png": "error_against_run_time",
@@ -108,8 +114,19 @@ def test_choices_become_a_table_and_pictures(
     assert lines[-1] == "| `cavity` | density | a: 1 s |  | none |"
 
 
+def test_ellipses_in_flows_become_pictures(tmp_path: Path) -> None:
+    """In the coarse flows of the tests' data, which any machine has."""
+    results.main(
+        ["--only", "flows", "--quick", "--out", str(tmp_path / "o"), "--pages", str(tmp_path)]
+    )
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert names == {"vortex_street.png", "elbow.png", "stamps.json"}
+    for name in ("vortex_street", "elbow"):
+        assert (tmp_path / "pictures" / f"{name}.png").stat().st_size > 20_000
+
+
 def test_every_table_that_the_pages_include_is_made_by_a_part() -> None:
-    assert {path.stem for path in TABLES.glob("*.md")} == set(results.PARTS) - {"cavity"}
+    assert {path.stem for path in TABLES.glob("*.md")} == set(results.PARTS) - {"cavity", "flows"}
     for path in TABLES.glob("*.md"):
         assert path.read_text("utf-8").startswith("Measured ")
         page = (TABLES.parent / path.name).read_text("utf-8")

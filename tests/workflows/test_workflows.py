@@ -48,7 +48,8 @@ def test_the_main_job_leaves_all_it_promises(
     assert out.strip().splitlines()[-1] == str(folder)
     pictures = {p.name for p in folder.glob("*.png")}
     for scene in ("cavity", "cavity_free"):
-        for kind in ("density", "angles", "ellipses", "error_against_run_time"):
+        kinds = ("density", "angles", "directors", "order", "ellipses", "error_against_run_time")
+        for kind in kinds:
             assert f"{kind}_{scene}.png" in pictures
     assert {"flow.png", "walls.png"} <= pictures
     rows = list(csv.DictReader((folder / "errors.csv").read_text().splitlines()))
@@ -78,7 +79,7 @@ def test_the_papers_page_has_every_figure_and_verdict(
     folder = paper.main(["--quick", "--out", str(tmp_path)])
     page = (folder / "index.html").read_text()
     named = re.findall(r'<img src="([^"]+)"', page)
-    assert len(named) == 1 + 2 + 1 + 4 * 6
+    assert len(named) == 1 + 2 + 1 + 4 * 8
     assert all((folder / name).stat().st_size > 5000 for name in named)
     assert len(re.findall(r'<tr class="(?:yes|no)">', page)) == 2 * 17 + 2
     # Every statement but two is judged for both schemes.

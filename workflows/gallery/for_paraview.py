@@ -23,9 +23,9 @@ folder = export(ec.simulate(scene, model="microscopic"), Path(tempfile.mkdtemp()
 print(*sorted(path.name for path in folder.iterdir()), sep="\n")
 
 # %%
-# In ParaView open ellipses.pvd, which looks right as it is; or particles.pvd with the filter Glyph:
-# Sphere, Orientation Array `orientation`, Scale Array `scale`, Vector Scale Mode `Scale by
-# Components`, Scale Factor 1, All Points.
+# ``paraview --script=open_in_paraview.py`` opens all of it: the flow by its speed, the particles as
+# ellipses by the colour of their axis, lines along mean axes over the density. By hand, open
+# ellipses.pvd, which looks right as it is.
 #
 # The same files read back without ParaView:
 

@@ -3,7 +3,7 @@
 from ellipsoid_coupling.files.extras import missing
 
 try:
-    from ellipsoid_coupling.output.figures.all_figures import draw_all
+    from ellipsoid_coupling.output.figures.all_figures import Look, draw_all
     from ellipsoid_coupling.output.figures.angles import angle_figure, draw_angles
     from ellipsoid_coupling.output.figures.at_a_glance import flow_at_a_glance, result_at_a_glance
     from ellipsoid_coupling.output.figures.convergence import draw_convergence, fitted_slope
@@ -20,6 +20,11 @@ try:
         density_rows,
         draw_density,
     )
+    from ellipsoid_coupling.output.figures.directors import (
+        AxisRow,
+        axis_rows,
+        draw_directors,
+    )
     from ellipsoid_coupling.output.figures.ellipses import draw_ellipses, ellipse_figure
     from ellipsoid_coupling.output.figures.error_budget import (
         UNRESOLVED_CLOSURE,
@@ -28,8 +33,10 @@ try:
     )
     from ellipsoid_coupling.output.figures.flow import draw_flow, flow_figure
     from ellipsoid_coupling.output.figures.frontier import draw_frontier
+    from ellipsoid_coupling.output.figures.order import draw_order
     from ellipsoid_coupling.output.figures.sketch import draw_sketch
     from ellipsoid_coupling.output.figures.stability import draw_stability
+    from ellipsoid_coupling.output.figures.style import PAPER_COLOURS
     from ellipsoid_coupling.output.figures.time_series import draw_time_series
 except ModuleNotFoundError as error:
     if (error.name or "").partition(".")[0] != "matplotlib":
@@ -37,12 +44,16 @@ except ModuleNotFoundError as error:
     raise missing("matplotlib") from None
 
 __all__ = [
+    "PAPER_COLOURS",
     "UNRESOLVED_CLOSURE",
+    "AxisRow",
     "DecayCurve",
     "DensityRow",
+    "Look",
     "PartBars",
     "RateCurve",
     "angle_figure",
+    "axis_rows",
     "common_maximum",
     "density_figure",
     "density_rows",
@@ -51,9 +62,11 @@ __all__ = [
     "draw_convergence",
     "draw_decay",
     "draw_density",
+    "draw_directors",
     "draw_ellipses",
     "draw_flow",
     "draw_frontier",
+    "draw_order",
     "draw_parts",
     "draw_rates",
     "draw_sketch",

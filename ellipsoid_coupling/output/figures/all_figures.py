@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures.angles import draw_angles
 from ellipsoid_coupling.output.figures.canvas import time_title
-from ellipsoid_coupling.output.figures.density import DensityRow, density_rows, draw_density
+from ellipsoid_coupling.output.figures.density import (
+    DensityRow,
+    Scale,
+    density_rows,
+    draw_density,
+)
+from ellipsoid_coupling.output.figures.directors import axis_rows, draw_directors
 from ellipsoid_coupling.output.figures.ellipses import draw_ellipses
 from ellipsoid_coupling.output.figures.flow import draw_flow
-from ellipsoid_coupling.output.labels import result_labels
+from ellipsoid_coupling.output.figures.order import draw_order
+from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS
+from ellipsoid_coupling.output.labels import literal, result_labels
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes.scene import Domain
+
+# Called with the work and the part of it that is done.
+Report = Callable[[str, float], None]
 
 
 class Group(NamedTuple):
@@ -27,14 +38,27 @@ class Group(NamedTuple):
     flows: list[FlowField | None]
 
 
+class Look(NamedTuple):
+    """How densities are coloured: in one scale for a figure or one for each time, and which map."""
+
+    scale: Scale = "figure"
+    colours: str = DENSITY_COLOURS
+
+
+_LOOK = Look()
+
+
 def draw_all(
     results: Sequence[Result],
     folder: Path,
     flow: FlowField | Sequence[FlowField | None] | None = None,
+    look: Look = _LOOK,
+    report: Report | None = None,
 ) -> list[Path]:
     """Draw the figures that apply, scene by scene; returns the paths in that order.
 
-    density_SCENE.png, angles_SCENE.png; ellipses_SCENE_LABEL.png for every particle result;
+    density_SCENE.png, angles_SCENE.png; directors_SCENE.png and axes_SCENE.png, the mean axes as lines
+    and as colours; order_SCENE.png; ellipses_SCENE_LABEL.png for every particle result;
     flow_SCENE.png with a flow (flow_SCENE_2.png, ... where results of one scene have others), as of
     the last saved time where it changes;
     SCENE.2, SCENE.3, ... for results of a scene of the same name on other domains;
@@ -47,6 +71,8 @@ def draw_all(
     results : Results
     folder : made where it is missing
     flow : that of all results, or one a result; drawn for scenes that have a fluid
+    look : of the densities
+    report : called with what is drawn and the part that is done
     """
     flows = flow if isinstance(flow, Sequence) else [flow] * len(results)
     scenes: dict[tuple[str, Domain], Group] = {}
@@ -60,9 +86,11 @@ def draw_all(
             group.results.append(result)
             group.flows.append(own if result.scene.flow else None)
     paths = []
-    for group in scenes.values():
-        paths += _draw_scene(group, folder)
-    return paths + _draw_comparisons(list(scenes.values()), folder)
+    for number, group in enumerate(scenes.values()):
+        if report is not None:
+            report(f"figures of {group.name}", number / len(scenes))
+        paths += _draw_scene(group, folder, look)
+    return paths + _draw_comparisons(list(scenes.values()), folder, look)
 
 
 def _free_name(name: str, taken: set[str]) -> str:
@@ -71,27 +99,29 @@ def _free_name(name: str, taken: set[str]) -> str:
     return next(free for free in names if free not in taken)
 
 
-def _draw_scene(group: Group, folder: Path) -> list[Path]:
+def _draw_scene(group: Group, folder: Path, look: Look) -> list[Path]:
     results, scene = group.results, group.results[0].scene
     title = scene.title or scene.name
     paths = _draw_flows(group, folder, title)
-    rows = _with_outlines(group, density_rows(results))
-    paths.append(draw_density(rows, folder / f"density_{group.name}.png", title=title))
-    paths.append(draw_angles(results, folder / f"angles_{group.name}.png", title=title))
+
+    def path(kind: str) -> Path:
+        return folder / f"{kind}_{group.name}.png"
+
+    rows = density_rows(results, flow=group.flows)
+    drawn = draw_density(rows, path("density"), scale=look.scale, title=title, colours=look.colours)
+    axes = axis_rows(results, group.flows)
+    paths += [
+        drawn,
+        draw_angles(results, path("angles"), title=title),
+        draw_directors(axes, path("directors"), title=title),
+        draw_directors(axes, path("axes"), kind="colours", title=title),
+        draw_order(results, path("order"), title=title),
+    ]
     for label, result, flow in zip(result_labels(results), results, group.flows, strict=True):
         if result.layout == "particles":
-            path = folder / f"ellipses_{group.name}_{_file_name(label)}.png"
-            paths.append(draw_ellipses(result, path, flow=flow, title=title))
+            picture = folder / f"ellipses_{group.name}_{_file_name(label)}.png"
+            paths.append(draw_ellipses(result, picture, flow=flow, title=title))
     return paths
-
-
-def _with_outlines(group: Group, rows: list[DensityRow]) -> list[DensityRow]:
-    """Rows with the outline of the fluid, if it is that of all results of the group."""
-    flows = {flow.digest: flow for flow in group.flows if flow is not None}
-    if len(flows) != 1 or None in group.flows:
-        return rows
-    (flow,) = flows.values()
-    return [row._replace(outline=flow.outline) for row in rows]
 
 
 def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:
@@ -115,7 +145,7 @@ def _file_name(label: str) -> str:
     return re.sub(r"[^a-z0-9.]+", "_", label.lower()).strip("_")
 
 
-def _draw_comparisons(groups: list[Group], folder: Path) -> list[Path]:
+def _draw_comparisons(groups: list[Group], folder: Path, look: Look) -> list[Path]:
     """One density figure for each pair of scenes on the same domain at the same times."""
     paths = []
     for i, first in enumerate(groups):
@@ -123,12 +153,21 @@ def _draw_comparisons(groups: list[Group], folder: Path) -> list[Path]:
             one, other = first.results[0].scene, second.results[0].scene
             if one.domain == other.domain and one.times == other.times:
                 path = folder / f"density_{one.name}_and_{other.name}.png"
-                rows = _named(first.results) + _named(second.results)
-                paths.append(draw_density(rows, path, power=0.5, title=f"{one.name}, {other.name}"))
+                drawn = draw_density(
+                    _named(first) + _named(second),
+                    path,
+                    scale=look.scale,
+                    power=0.5,
+                    title=f"{one.name}, {other.name}",
+                    colours=look.colours,
+                )
+                paths.append(drawn)
     return paths
 
 
-def _named(group: list[Result]) -> list[DensityRow]:
-    name = group[0].scene.name
-    rows = density_rows(group, histograms=False)
-    return [row._replace(label=f"{name}\n{row.label}") for row in rows]
+def _named(group: Group) -> list[DensityRow]:
+    name = literal(group.results[0].scene.name)
+    return [
+        row._replace(label=f"{name}\n{row.label}", details=f"{name}, {row.details}")
+        for row in density_rows(group.results, histograms=False, flow=group.flows)
+    ]

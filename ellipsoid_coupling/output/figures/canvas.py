@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from fractions import Fraction
 from functools import wraps
 from io import BytesIO
 from pathlib import Path
@@ -14,8 +15,10 @@ from warnings import catch_warnings, filterwarnings
 import numpy as np
 from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
@@ -27,6 +30,8 @@ from ellipsoid_coupling.output.labels import literal
 P = ParamSpec("P")
 # More would leave no room for the panels.
 _MOST_TITLE_LINES = 5
+# Small print: its size in points, the height of a line and of the rim in inch, letters in an inch.
+_SMALL_LETTERS, _SMALL_LINE, _STRIP_RIM, _SMALL_LETTERS_PER_INCH = 6.5, 0.115, 0.1, 18
 Extent = tuple[float, float, float, float]
 Layout = Literal["constrained", "compressed"]
 
@@ -94,6 +99,32 @@ def wrapped(figure: Figure, title: str) -> str:
     return literal("\n".join(lines))
 
 
+def add_details(figure: Figure, lines: Sequence[str]) -> None:
+    """Small print in a strip below all panels, for which the figure grows; nothing without lines.
+
+    Not for figures with a legend below, which would stand in the same place. Lines are drawn as they
+    stand: text of users goes through `labels.literal`.
+    """
+    engine = figure.get_layout_engine()
+    if not lines or not isinstance(engine, ConstrainedLayoutEngine):
+        return
+    width = int(_SMALL_LETTERS_PER_INCH * figure.get_figwidth())
+    parts = [part for line in lines for part in textwrap.wrap(line, width, subsequent_indent="  ")]
+    strip = _SMALL_LINE * len(parts) + _STRIP_RIM
+    height = figure.get_figheight() + strip
+    figure.set_figheight(height)
+    engine.set(rect=(0.0, strip / height, 1.0, 1.0 - strip / height))
+    figure.text(
+        _STRIP_RIM / figure.get_figwidth(),
+        0.5 * _STRIP_RIM / height,
+        "\n".join(parts),
+        fontsize=_SMALL_LETTERS,
+        color="0.35",
+        va="bottom",
+        linespacing=1.2,
+    )
+
+
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write a PNG of the figure's own size; the file is whole or not there."""
     with settings(), whole_file(Path(path)) as beside:
@@ -114,20 +145,25 @@ def show_domain(axes: Axes, extent: Extent) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
 
 
-def show_multiples_of_pi(axes: Axes) -> None:
-    """Ticks at half multiples of pi on the x axis, written as such."""
-    axes.xaxis.set_major_locator(MultipleLocator(0.5 * np.pi))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: multiple_of_pi(value)))
+def show_multiples_of_pi(axis: Axis, step: float = 0.5) -> None:
+    """Ticks at multiples of `step` times pi, written as such."""
+    axis.set_major_locator(MultipleLocator(step * np.pi))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: multiple_of_pi(value)))
 
 
 def multiple_of_pi(value: float) -> str:
-    """A half multiple of pi in mathtext, "0" or such as "3 pi / 2"."""
-    halves = round(value / (0.5 * np.pi))
-    if halves == 0:
+    """A multiple of pi/4 in mathtext, "0" or such as "3 pi / 2"."""
+    part = Fraction(round(value / (0.25 * np.pi)), 4)
+    if part == 0:
         return "0"
-    count, below = (halves // 2, "") if halves % 2 == 0 else (halves, "/2")
-    factor = {1: "", -1: "-"}.get(count, str(count))
+    below = "" if part.denominator == 1 else f"/{part.denominator}"
+    factor = {1: "", -1: "-"}.get(part.numerator, str(part.numerator))
     return f"${factor}\\pi{below}$"
+
+
+def say_in(axes: Axes, text: str) -> None:
+    """A note in the middle of a panel that shows nothing."""
+    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
 
 
 def time_title(time: float) -> str:

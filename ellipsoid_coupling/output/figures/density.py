@@ -1,4 +1,4 @@
-"""Density panels: one row a model, one column a time, one colour scale for all of them."""
+"""Density panels: one row a model, one column a time, one colour scale for all of them or for each time."""
 
 from __future__ import annotations
 
@@ -14,21 +14,25 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
+    add_details,
     add_title,
     new_figure,
     panel_grid,
     require,
     save_figure,
+    say_in,
     show_domain,
     styled,
     time_title,
 )
 from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, PANEL
 from ellipsoid_coupling.output.figures.walls import add_walls
-from ellipsoid_coupling.output.labels import result_labels
+from ellipsoid_coupling.output.labels import result_labels, run_details
+from ellipsoid_coupling.output.outlines import drawn_outline
 from ellipsoid_coupling.result import Result
 
 Floats = NDArray[np.float64]
@@ -54,6 +58,7 @@ class DensityRow(NamedTuple):
     noisy : its peaks are chance and must not set the colours, if there are other rows
     asked : the times that the run was to save
     outline : where the fluid ends, drawn over the panels
+    details : the run in one line, printed below all panels
     """
 
     label: str
@@ -63,6 +68,7 @@ class DensityRow(NamedTuple):
     noisy: bool = False
     asked: tuple[float, ...] = ()
     outline: Outline | None = None
+    details: str = ""
 
 
 def density_rows(
@@ -70,6 +76,7 @@ def density_rows(
     cells: int = HISTOGRAM_CELLS,
     smoothing: float = SMOOTHING,
     histograms: bool = True,
+    flow: FlowField | Sequence[FlowField | None] | None = None,
 ) -> list[DensityRow]:
     """Rows of results: two of particles, histogram and smoothed histogram, one of a grid.
 
@@ -80,13 +87,25 @@ def density_rows(
     smoothing : standard deviation of the Gaussian filter, in bins; mirrored at the edges, so that
         no mass is lost there
     histograms : False leaves the bare histograms out
+    flow : that of all results, or one a result, whose walls and solids are drawn; without, the domain's
+        sides are
     """
-    reached = [result for result in results if result.times.size]
+    flows = flow if isinstance(flow, Sequence) else [flow] * len(results)
+    pairs = [(r, own) for r, own in zip(results, flows, strict=True) if r.times.size]
+    reached = [result for result, _ in pairs]
+    told = zip(result_labels(reached), run_details(reached), strict=True)
     rows: list[DensityRow] = []
-    for label, result in zip(result_labels(reached), reached, strict=True):
+    for (label, details), (result, own) in zip(told, pairs, strict=True):
         scene = result.scene
+        extent = (*scene.domain.x, *scene.domain.y)
         row = DensityRow(
-            label, result.times, np.empty(0), (*scene.domain.x, *scene.domain.y), asked=scene.times
+            label,
+            result.times,
+            np.empty(0),
+            extent,
+            asked=scene.times,
+            outline=drawn_outline(scene, own),
+            details=details,
         )
         if result.layout != "particles":
             rows.append(row._replace(density=result.cell_density()))
@@ -115,10 +134,11 @@ def common_maximum(panels: Sequence[Floats]) -> float:
 @styled
 def density_figure(
     rows: Sequence[DensityRow],
-    scale: Scale = "time",
+    scale: Scale = "figure",
     maximum: float | None = None,
     power: float = 1.0,
     title: str = "",
+    colours: str = DENSITY_COLOURS,
 ) -> Figure:
     """The figure of `draw_density`; axes in row-major order, then those of the colour bars."""
     require(rows, "density figure", "row")
@@ -127,27 +147,32 @@ def density_figure(
     height = PANEL * min(2.0, (y_high - y_low) / (x_high - x_low))
     label_lines = max(row.label.count("\n") for row in rows) + 1
     figure = new_figure(
-        PANEL * len(times) + 0.15 * label_lines + (1.7 if scale == "figure" else 0.7),
-        (height + 0.13) * len(rows) + (0.9 if scale == "figure" else 1.4),
+        PANEL * len(times) + 0.15 * label_lines + (2.4 if scale == "figure" else 0.7),
+        (height + 0.13) * len(rows) + (0.9 if scale == "figure" else 1.6),
         layout="compressed",
     )
     axes = panel_grid(figure, len(rows), len(times), sharex=True, sharey=True)
     columns = [np.arange(len(times))] if scale == "figure" else np.arange(len(times))[:, None]
     for column in columns:
         shown = [(row, times[j], axes[i, j]) for j in column for i, row in enumerate(rows)]
-        images = _draw_panels(shown, maximum, power)
-        _add_colour_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
+        images = _draw_panels(shown, maximum, power, colours)
+        if images:
+            add_density_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
     for row, first in zip(rows, axes[:, 0], strict=True):
         first.set_ylabel(f"{row.label}\n\ny")
     for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):
         top.set_title(time_title(time))
         bottom.set_xlabel("x")
     add_title(figure, title)
+    add_details(figure, list(dict.fromkeys(row.details for row in rows if row.details)))
     return figure
 
 
 def _draw_panels(
-    shown: Sequence[tuple[DensityRow, float, Axes]], maximum: float | None, power: float
+    shown: Sequence[tuple[DensityRow, float, Axes]],
+    maximum: float | None,
+    power: float,
+    colours: str,
 ) -> list[AxesImage]:
     """Panels in one colour scale, with a note where a run did not reach, or save, a time."""
     drawn = []
@@ -158,8 +183,9 @@ def _draw_panels(
         if index.size:
             drawn.append((row, row.density[index[0]], axes))
         else:
-            text = "not reached" if np.isclose(row.asked, time).any() else "not saved"
-            axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+            say_in(axes, absence(row, time))
+    if not drawn:
+        return []
     calm = [density for row, density, _ in drawn if not row.noisy]
     top = maximum or common_maximum(calm or [density for _, density, _ in drawn])
     return [
@@ -167,7 +193,7 @@ def _draw_panels(
             density,
             origin="lower",
             extent=row.extent,
-            cmap=DENSITY_COLOURS,
+            cmap=colours,
             norm=PowerNorm(power, vmin=0.0, vmax=top),
             interpolation="nearest",
         )
@@ -175,38 +201,47 @@ def _draw_panels(
     ]
 
 
-def _add_colour_bar(
+def absence(row: DensityRow, time: float) -> str:
+    """Why a row has no panel at a time, in two words."""
+    return "not reached" if np.isclose(row.asked, time).any() else "not saved"
+
+
+def add_density_bar(
     figure: Figure,
     images: Sequence[AxesImage],
     beside: list[Axes],
-    scale: Scale,
-    maximum: float | None,
+    scale: Scale = "figure",
+    maximum: float | None = None,
 ) -> None:
+    """The colour bar of density images of one scale: unit, largest value, and where the colours end."""
     top = images[0].get_clim()[1]
-    beyond = any(np.max(np.asarray(image.get_array())) > top for image in images)
-    label = "density"
-    if beyond and maximum is None:
-        label += "\n" if scale == "time" else " "
-        label += f"(up to its {PERCENTILE:g}th percentile)"
+    largest = max(float(np.max(np.asarray(image.get_array()))) for image in images)
+    parts = ["density per unit of area", f"largest {largest:.3g}"]
+    if largest > top and maximum is None:
+        parts.append(f"colours to the {PERCENTILE:g}th percentile")
+    norm = images[0].norm
+    if isinstance(norm, PowerNorm) and norm.gamma != 1.0:
+        parts[0] += f", power {norm.gamma:g}"
     bar = figure.colorbar(
         images[0],
         ax=beside,
-        extend="max" if beyond else "neither",
+        extend="max" if largest > top else "neither",
         location="right" if scale == "figure" else "bottom",
         pad=0.02,
         aspect=40 if scale == "figure" else 20,
     )
-    bar.set_label(label)
+    bar.set_label("\n".join(parts))
 
 
 def draw_density(
     rows: Sequence[DensityRow],
     path: Path,
     *,
-    scale: Scale = "time",
+    scale: Scale = "figure",
     maximum: float | None = None,
     power: float = 1.0,
     title: str = "",
+    colours: str = DENSITY_COLOURS,
 ) -> Path:
     """Density panels like the paper's, rows for models and columns for times.
 
@@ -214,14 +249,15 @@ def draw_density(
     ----------
     rows : from `density_rows`, or built by hand; all of one domain
     path : the PNG
-    scale : "time": one colour scale a column; "figure": one for all
+    scale : "figure": one colour scale for all panels; "time": one a column
     maximum : where the colours end, for figures that are to be compared; `common_maximum` otherwise
     power : colours go with this power of the density; 0.5 shows thin and dense parts together
     title : str
+    colours : the name of a map of matplotlib, such as `style.PAPER_COLOURS`
 
     Raises
     ------
     InputError
         Without rows.
     """
-    return save_figure(density_figure(rows, scale, maximum, power, title), path)
+    return save_figure(density_figure(rows, scale, maximum, power, title, colours), path)

@@ -1,4 +1,4 @@
-"""The particles of one realisation as ellipses to scale."""
+"""The particles of one realisation as ellipses to scale, in the colours of their axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.orientation import as_axis
+from ellipsoid_coupling.output.colours import axis_colours
+from ellipsoid_coupling.output.figures.angle_bar import add_angle_bar
 from ellipsoid_coupling.output.figures.canvas import (
+    Extent,
+    add_details,
     add_title,
     new_figure,
     panel_grid,
@@ -22,13 +27,17 @@ from ellipsoid_coupling.output.figures.canvas import (
     time_title,
 )
 from ellipsoid_coupling.output.figures.flow import add_arrows
-from ellipsoid_coupling.output.figures.style import line_style
 from ellipsoid_coupling.output.figures.walls import add_walls
-from ellipsoid_coupling.output.outlines import ellipse_outlines
+from ellipsoid_coupling.output.labels import run_details
+from ellipsoid_coupling.output.outlines import drawn_outline, ellipse_outlines
 from ellipsoid_coupling.result import Result
 
-PANEL_WIDTH = 3.0
+# Width of a panel in inch where they stand side by side, and where they stand below each other: those of
+# domains that are wider than high by this factor.
+PANEL_WIDTH, WIDE_PANEL, WIDE = 3.0, 6.5, 1.6
 MOST_PARTICLES = 200
+# Of the flow behind, along the longer side, and in a wide panel.
+ARROWS, WIDE_ARROWS = 16, 30
 
 
 def thinned(number: int, most: int) -> NDArray[np.int64]:
@@ -43,20 +52,15 @@ def ellipse_figure(
     flow: FlowField | None = None,
     most: int = MOST_PARTICLES,
     title: str = "",
+    extent: Extent | None = None,
 ) -> Figure:
     """The figure of `draw_ellipses`; one axes a time."""
     _require_particles(result, realisation)
-    extent = (*result.scene.domain.x, *result.scene.domain.y)
-    height = PANEL_WIDTH * min(2.0, result.scene.domain.height / result.scene.domain.width)
-    columns = result.times.size
-    figure = new_figure(
-        PANEL_WIDTH * columns + 0.5,
-        height + (1.1 if result.frozen is None else 1.4),
-        layout="compressed",
-    )
-    axes = panel_grid(figure, 1, columns, sharey=True)[0]
+    extent = (*result.scene.domain.x, *result.scene.domain.y) if extent is None else extent
+    figure, axes = _panels(extent, result.times.size)
     number = result.variables["x"].shape[2]
     chosen = thinned(number, most)
+    arrows = WIDE_ARROWS if _is_wide(extent) else ARROWS
     for i, (time, panel) in enumerate(zip(result.times, axes, strict=True)):
         show_domain(panel, extent)
         left, unborn = (
@@ -67,15 +71,39 @@ def ellipse_figure(
         _add_ellipses(panel, result, (i, realisation), chosen[~(left | unborn)[chosen]])
         _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
         if flow is not None:
-            add_arrows(panel, flow.at(time), extent, colour="0.8", count=16)
-            add_walls(panel, flow.outline, extent)
+            add_arrows(panel, flow.at(time), extent, colour="0.8", count=arrows)
+        add_walls(panel, drawn_outline(result.scene, flow), extent)
         note = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
-        panel.set(xlabel="x", title=f"{time_title(time)}{note}")
-    axes[0].set_ylabel("y")
+        panel.set(title=f"{time_title(time)}{note}")
+    add_angle_bar(figure, list(axes))
     part = f"{chosen.size} of " if chosen.size < number else ""
-    shown = f"{part}{number} particles"
-    add_title(figure, f"{title}\n{shown}".strip())
+    count = result.variables["x"].shape[1]
+    whose = f", realisation {realisation} of {count}" if count > 1 else ""
+    came_in = number - int(result.attributes.get("particles_at_start", number))
+    inlet = f", {came_in} of them from inlets" if came_in > 0 else ""
+    add_title(figure, f"{title}\n{part}{number} particles{inlet}{whose}".strip())
+    add_details(figure, run_details([result]))
     return figure
+
+
+def _is_wide(extent: Extent) -> bool:
+    """Whether panels of this extent stand below each other."""
+    return (extent[3] - extent[2]) * WIDE <= extent[1] - extent[0]
+
+
+def _panels(extent: Extent, times: int) -> tuple[Figure, NDArray[np.object_]]:
+    """A panel a time, (times,): side by side, or those of wide domains below each other."""
+    rows, columns = (times, 1) if _is_wide(extent) else (1, times)
+    width = WIDE_PANEL if _is_wide(extent) else PANEL_WIDTH
+    height = width * min(2.0, (extent[3] - extent[2]) / (extent[1] - extent[0]))
+    size = (width * columns + 1.7, (height + 0.45) * rows + 0.7)
+    figure = new_figure(*size, layout="compressed")
+    axes = panel_grid(figure, rows, columns, sharex=True, sharey=True)
+    for panel in axes[-1]:
+        panel.set_xlabel("x")
+    for panel in axes[:, 0]:
+        panel.set_ylabel("y")
+    return figure, axes.ravel()
 
 
 def _add_ellipses(
@@ -88,13 +116,12 @@ def _add_ellipses(
     """The chosen particles at `where`, (time, realisation); only their outlines if not `filled`."""
     x, y, angle = (result.variables[name][where][chosen] for name in ("x", "y", "angle"))
     size = (result.scene.particles.length, result.scene.particles.width)
-    style = line_style(result.model)
     ellipses = PolyCollection(
         list(ellipse_outlines(x, y, angle, size)),
-        facecolors=style.colour if filled else "none",
+        facecolors=axis_colours(as_axis(angle)) if filled else "none",
         edgecolors="black" if filled else "0.4",
         linewidths=0.3 if filled else 0.6,
-        alpha=0.6,
+        alpha=0.8,
     )
     axes.add_collection(ellipses, autolim=False)
 
@@ -122,8 +149,9 @@ def draw_ellipses(
     flow: FlowField | None = None,
     most: int = MOST_PARTICLES,
     title: str = "",
+    extent: Extent | None = None,
 ) -> Path:
-    """Ellipses of full length L and full width D, one panel a saved time.
+    """Ellipses of full length L and full width D in the colours of their axes, one panel a saved time.
 
     Of particles that have left the flow, through an outlet or at a wall that holds them, the outline stands
     where they did; the panel says how many. With a flow, walls and solids are drawn.
@@ -136,10 +164,11 @@ def draw_ellipses(
     flow : its arrows in light grey behind, as of each time
     most : where there are more particles, this many are shown, evenly picked, and the title says so
     title : str
+    extent : (x_low, x_high, y_low, y_high), the part that is shown; the scene's domain without
 
     Raises
     ------
     InputError
         For a result without particles or saved times, or a realisation that it does not have.
     """
-    return save_figure(ellipse_figure(result, realisation, flow, most, title), path)
+    return save_figure(ellipse_figure(result, realisation, flow, most, title, extent), path)

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, PowerNorm
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
@@ -23,14 +22,14 @@ from ellipsoid_coupling.output.figures.canvas import (
     styled,
     wrapped,
 )
-from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE
+from ellipsoid_coupling.output.figures.style import SPEED_COLOURS, SPEED_RANGE, part_of_map
 from ellipsoid_coupling.output.figures.walls import add_walls
 
 Floats = NDArray[np.float64]
 
 # Arrows along the longer side: more of them no longer tell their heads apart.
 ARROWS = 24
-# Length goes with this power of speed, colour with its root: slow regions stay visible.
+# Length goes with this power of speed, so that slow regions stay visible; colour with speed itself.
 POWER = 0.15
 
 
@@ -79,9 +78,8 @@ def add_arrows(
     }
     if colour is not None:
         return axes.quiver(*arrows, color=colour, zorder=0, **options)
-    low, high = SPEED_RANGE
-    colours = ListedColormap(colormaps[SPEED_COLOURS](np.linspace(low, high, 256)))
-    norm = PowerNorm(0.5, vmin=0.0, vmax=largest)
+    colours = part_of_map(SPEED_COLOURS, SPEED_RANGE)
+    norm = Normalize(0.0, largest)
     return axes.quiver(*arrows, speed, cmap=colours, norm=norm, **options)
 
 
@@ -95,13 +93,16 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     show_domain(axes, extent)
     arrows = add_arrows(axes, flow, extent)
     add_walls(axes, flow.outline, extent)
-    figure.colorbar(arrows, ax=axes, label="speed")
+    bar = figure.colorbar(arrows, ax=axes)
+    bar.set_label(
+        f"speed, linear; largest arrow {arrows.norm.vmax:.3g}\nthe lengths of arrows differ less"
+    )
     axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure
 
 
 def draw_flow(flow: FlowField, extent: Extent, path: Path, *, title: str = "") -> Path:
-    """Velocity vectors of a flow, coloured by speed; their length varies little.
+    """Velocity vectors of a flow, coloured by speed on a linear scale; their length varies little.
 
     Parameters
     ----------

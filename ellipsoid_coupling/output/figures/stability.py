@@ -1,4 +1,7 @@
-"""The stability map: cases against models and schemes, outcome and error as colour and number."""
+"""The stability map: cases, or groups of them, against models and schemes.
+
+Outcome and error as colour and number.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,10 @@ from ellipsoid_coupling.output.figures.canvas import new_figure, require, save_f
 from ellipsoid_coupling.output.labels import model_name
 
 # Inch: an entry, the names of the cases beside it, and the titles above and the legend below.
-_WIDTH, _HEIGHT = 0.47, 0.185
-_NAMES, _HEAD, _LEGEND, _RIM = 2.5, 1.2, 0.75, 0.5
+_WIDTH, _HEIGHT = 0.4, 0.185
+_NAMES, _HEAD, _TITLE, _LEGEND, _RIM = 1.95, 0.95, 0.25, 0.75, 0.4
+# Of the legend's height, what the definition of the error below it takes.
+_DEFINITION = 0.3
 _LETTERS = 6.5
 
 # Errors by decade, light for small; "cividis" stays in order for every kind of colour blindness.
@@ -98,6 +103,21 @@ def look_of(entry: MapEntry) -> _Look:
     return _Look(_SHADES[decade], letters, _short(entry.error))
 
 
+def look_of_group(entries: Sequence[MapEntry]) -> _Look:
+    """Of all cases of a group: how many did not hold, or the largest error of all."""
+    there = [entry for entry in entries if entry.outcome != "not applicable"]
+    if not there:
+        return _ENDED["not applicable"]
+    failed = [entry for entry in there if entry.outcome in ("stopped", "broken")]
+    if failed:
+        worst = "broken" if any(e.outcome == "broken" for e in failed) else "stopped"
+        return _ENDED[worst]._replace(words=f"{len(failed)} of {len(there)}")
+    known = [e for e in there if e.outcome not in _ENDED and math.isfinite(e.error)]
+    if known:
+        return look_of(max(known, key=lambda entry: entry.error))
+    return look_of(there[0])
+
+
 def _short(error: float) -> str:
     """0, 3e-5, 0.02, 0.3, 1.2: never more than five letters."""
     if error < 1e-12:
@@ -107,13 +127,13 @@ def _short(error: float) -> str:
     return f"{error:.0e}".replace("e-0", "e-")
 
 
-def _legend_patches() -> list[Patch]:
+def _legend_patches(grouped: bool) -> list[Patch]:
     bounds = ("0", *(f"{bound:g}" for bound in _DECADES), "2")
     words = [f"error {low} to {high}" for low, high in itertools.pairwise(bounds)]
     named = {
         "bad in.": "refused: bad input",
         "-": "means nothing here",
-        "stop": "stopped; dt: step it would need",
+        "stop": "stopped: so many" if grouped else "stopped; dt: step it would need",
     }
     patches = [
         Patch(facecolor=shade, edgecolor="#666666", label=word)
@@ -126,30 +146,81 @@ def _legend_patches() -> list[Patch]:
     return [*patches, Patch(facecolor="white", edgecolor="#666666", label="?: no reference")]
 
 
+class _Row(NamedTuple):
+    """A line of the map: its name, the varied quantity, and the cases that it stands for."""
+
+    name: str
+    family: str
+    cases: tuple[str, ...]
+
+
+def _rows(entries: Sequence[MapEntry], grouped: bool) -> list[_Row]:
+    """A row a case, or one for all cases of a quantity, as many as there are in brackets."""
+    families = {entry.case: entry.family for entry in entries}
+    if not grouped:
+        return [_Row(case, family, (case,)) for case, family in families.items()]
+    members: dict[str, list[str]] = {}
+    for case, family in families.items():
+        members.setdefault(family, []).append(case)
+    return [
+        _Row(
+            cases[0] if len(cases) == 1 else f"{family.removesuffix(' =')} ({len(cases)})",
+            family,
+            tuple(cases),
+        )
+        for family, cases in members.items()
+    ]
+
+
 @styled
-def stability_figure(entries: Sequence[MapEntry], title: str = "") -> Figure:
+def stability_figure(
+    entries: Sequence[MapEntry], title: str = "", *, grouped: bool = False
+) -> Figure:
     """The figure of `draw_stability`."""
     require(entries, "stability map", "run")
-    cases = list(dict.fromkeys(entry.case for entry in entries))
+    rows = _rows(entries, grouped)
     columns = list(dict.fromkeys((entry.model, entry.scheme) for entry in entries))
+    head = _HEAD + (_TITLE if title else 0.0)
     width = _NAMES + _WIDTH * len(columns) + _RIM
-    height = _HEAD + _LEGEND + _HEIGHT * len(cases)
+    height = head + _LEGEND + _HEIGHT * len(rows)
     figure = new_figure(width, height)
     figure.set_layout_engine("none")
     left, low = _NAMES / width, _LEGEND / height
-    shape = (_WIDTH * len(columns) / width, _HEIGHT * len(cases) / height)
+    shape = (_WIDTH * len(columns) / width, _HEIGHT * len(rows) / height)
     axes = figure.add_axes((left, low, *shape))
-    axes.set(xlim=(0, len(columns)), ylim=(len(cases), 0))
-    for entry in entries:
-        corner = columns.index((entry.model, entry.scheme)), cases.index(entry.case)
-        _draw_entry(axes, corner, look_of(entry))
-    _label(axes, entries, cases, columns)
+    axes.set(xlim=(0, len(columns)), ylim=(len(rows), 0))
+    for y, row in enumerate(rows):
+        for x, column in enumerate(columns):
+            chosen = [e for e in entries if (e.model, e.scheme) == column and e.case in row.cases]
+            if chosen:
+                look = look_of_group(chosen) if grouped else look_of(chosen[0])
+                _draw_entry(axes, (x, y), look)
+    _label(axes, rows, columns, ruled=not grouped)
     if title:
         figure.suptitle(title, y=1.0 - 0.12 / height, va="top")
     figure.legend(
-        handles=_legend_patches(), loc="lower center", ncols=5, fontsize=7.5, handlelength=1.2
+        handles=_legend_patches(grouped),
+        loc="lower center",
+        bbox_to_anchor=(0.5, _DEFINITION / height),
+        ncols=5,
+        fontsize=6.5,
+        handlelength=1.0,
+        columnspacing=1.0,
     )
+    what = "the largest of a group's, or how many of its cases did not hold" if grouped else ""
+    _define(figure, what)
     return figure
+
+
+def _define(figure: Figure, what: str) -> None:
+    """What an error is, below the legend."""
+    lines = (
+        f"Error{f' ({what})' if what else ''}: the larger of the mean distance by which mass lies off "
+        "along x or y, in widths of the domain,",
+        r"and the difference of $\langle e^{2 i \theta} \rangle$ (0 to 2), against the model's own scheme "
+        "accurate, much refined.",
+    )
+    figure.text(0.5, 0.06 / figure.get_figheight(), "\n".join(lines), fontsize=6.5, ha="center")
 
 
 def _draw_entry(axes: Axes, corner: tuple[int, int], look: _Look) -> None:
@@ -166,21 +237,20 @@ def _draw_entry(axes: Axes, corner: tuple[int, int], look: _Look) -> None:
 
 
 def _label(
-    axes: Axes, entries: Sequence[MapEntry], cases: list[str], columns: list[tuple[str, str]]
+    axes: Axes, rows: Sequence[_Row], columns: list[tuple[str, str]], *, ruled: bool
 ) -> None:
-    axes.set_yticks([row + 0.5 for row in range(len(cases))], cases, fontsize=7.5)
+    axes.set_yticks([row + 0.5 for row in range(len(rows))], [r.name for r in rows], fontsize=7.5)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
     axes.set_xticks(
         [column + 0.5 for column in range(len(columns))],
         [scheme for _, scheme in columns],
         rotation=45,
         ha="left",
-        fontsize=7.5,
+        fontsize=7.0,
     )
-    families = {entry.case: entry.family for entry in entries}
-    for row, (before, case) in enumerate(itertools.pairwise(cases)):
-        if families[before] != families[case]:
-            axes.axhline(row + 1, color="black", linewidth=0.5)
+    for y, (before, row) in enumerate(itertools.pairwise(rows)):
+        if ruled and before.family != row.family:
+            axes.axhline(y + 1, color="black", linewidth=0.5)
     for column, (model, _) in enumerate(columns):
         if column == 0 or columns[column - 1][0] != model:
             axes.axvline(column, color="black", linewidth=0.8)
@@ -190,15 +260,17 @@ def _label(
                 name.replace("\n\n", "\n"),
                 (column + 0.5 * count, 1.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(0.0, 44.0),
+                xytext=(0.0, 36.0),
                 textcoords="offset points",
                 ha="center",
                 va="bottom",
-                fontsize=8,
+                fontsize=7.0,
             )
 
 
-def draw_stability(entries: Sequence[MapEntry], path: Path, *, title: str = "") -> Path:
+def draw_stability(
+    entries: Sequence[MapEntry], path: Path, *, title: str = "", grouped: bool = False
+) -> Path:
     """Cases as rows, models and schemes as columns; the error's decade as colour, and its number.
 
     Parameters
@@ -206,10 +278,12 @@ def draw_stability(entries: Sequence[MapEntry], path: Path, *, title: str = "") 
     entries : such as `compare.stability.MapEntry`
     path : the PNG
     title : str
+    grouped : one row for all cases that vary one quantity, with their largest error, or how many of them
+        did not hold; narrow enough to be read on a page
 
     Raises
     ------
     InputError
         Without entries.
     """
-    return save_figure(stability_figure(entries, title), path)
+    return save_figure(stability_figure(entries, title, grouped=grouped), path)

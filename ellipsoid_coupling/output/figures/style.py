@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import ListedColormap
+
 from ellipsoid_coupling.models import LineStyle, find_kind
+from ellipsoid_coupling.output.colours import axis_colours
 
 # Sizes in inch; a panel's width, the height goes with the axes' aspect.
 PANEL = 2.2
@@ -16,6 +21,11 @@ LETTERS_PER_INCH = 10
 LEGEND_ENTRY = 2.6
 
 DENSITY_COLOURS = "viridis"
+# The paper's own.
+PAPER_COLOURS = "jet"
+# A density behind lines, and how far the map is gone through: light enough for all of them.
+PALE_COLOURS = "Greys"
+PALE_RANGE = (0.0, 0.5)
 # The range ends before the map's yellow, which is invisible on a white page.
 SPEED_COLOURS = "plasma"
 SPEED_RANGE = (0.0, 0.85)
@@ -61,3 +71,14 @@ def curve_options(model: str, repeat: int, points: int) -> dict[str, Any]:
         "markevery": (repeat * spacing // 3, spacing),
         "markerfacecolor": "none",
     }
+
+
+def axis_map() -> ListedColormap:
+    """The colours of axes from -pi/2 to pi/2; both ends are one axis, and have one colour."""
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 256)
+    return ListedColormap(axis_colours(angles), name="axis")
+
+
+def part_of_map(name: str, ends: tuple[float, float]) -> ListedColormap:
+    """One of matplotlib's maps from one part of it to another."""
+    return ListedColormap(colormaps[name](np.linspace(*ends, 256)), name=f"part of {name}")

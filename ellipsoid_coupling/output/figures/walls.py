@@ -18,7 +18,9 @@ Floats = NDArray[np.float64]
 
 # Types of patches that fluid may cross.
 _OPEN = ("patch", "cyclic")
-_SOLID, _WALL, _OPENING = "0.82", "0.15", "0.45"
+_SOLID, _WALL, _OPENING = "0.82", "0.0", "0.45"
+# In points; of a line on the rim of a panel only half is seen.
+_WIDE, _FINE = 2.2, 0.9
 
 
 def add_walls(axes: Axes, outline: Outline | None, extent: Extent) -> None:
@@ -29,9 +31,15 @@ def add_walls(axes: Axes, outline: Outline | None, extent: Extent) -> None:
         PathPatch(_beyond(outline, extent), facecolor=_SOLID, edgecolor="none", zorder=0.5)
     )
     is_open = np.array([kind in _OPEN for kind in outline.types])[outline.patch]
-    for chosen, colour, style in ((~is_open, _WALL, "-"), (is_open, _OPENING, (0.0, (3.0, 2.0)))):
+    looks = ((~is_open, _WALL, "-", _WIDE), (is_open, _OPENING, (0.0, (3.0, 2.0)), _FINE))
+    for chosen, colour, style, width in looks:
         lines = LineCollection(
-            list(outline.ends[chosen]), colors=colour, linestyles=style, linewidths=0.9, zorder=0.8
+            list(outline.ends[chosen]),
+            colors=colour,
+            linestyles=style,
+            linewidths=width,
+            capstyle="projecting",
+            zorder=0.8,
         )
         axes.add_collection(lines, autolim=False)
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import numpy as np
+
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.paraview.fields import grid_images, histogram_images
 from ellipsoid_coupling.output.paraview.flow import export_flow
 from ellipsoid_coupling.output.paraview.particles import (
@@ -16,6 +21,9 @@ from ellipsoid_coupling.output.paraview.series import save_series
 from ellipsoid_coupling.result import Result
 
 HISTOGRAM_CELLS = 60
+SCRIPT = "open_in_paraview.py"
+# Lines of mean axes along the longer side of the domain.
+LINES_ACROSS = 40
 
 
 def export(
@@ -25,22 +33,26 @@ def export(
 
     A grid result gives
 
-        fields.pvd      one .vti a time; cell data density, mean_angle, orientation, velocity,
-                        angular_velocity (and alignment for the q equations, which are integrated
-                        over the angle; mean_angle is then the mean on the circle); with a flow
-                        that patches bound, cells in solids are hidden
+        fields.pvd      one .vti a time; cell data density, velocity, speed, angular_velocity; S, angle
+                        and orientation of the mean axis (see `fields.axes`); mean_angle (and
+                        alignment for the q equations, which are integrated over the angle;
+                        mean_angle is then the mean on the circle); with a flow that patches bound,
+                        cells in solids are hidden
 
     and a particle result
 
-        particles.pvd   one .vtp of points a time: length, width, angle, orientation (unit vector),
-                        scale, velocity, angular_velocity, realisation (and frozen or fate, not 0 for
-                        those that have left the flow, which are in no other file)
+        particles.pvd   one .vtp of points a time: length, width, angle (modulo pi), orientation (unit
+                        vector), scale, velocity, speed, angular_velocity, realisation (and frozen or
+                        fate, not 0 for those that have left the flow, which are in no other file)
         ellipses.pvd    one .vtp of polygons a time, one realisation: looks right as it is
-        histogram.pvd   one .vti a time: density of all realisations on 60 x 60 bins
+        histogram.pvd   one .vti a time: density of all realisations on 60 x 60 bins, with S, angle and
+                        orientation of the mean axis in bins of four particles at least
 
-    With a flow, the files of `export_flow` come along.
+    With a flow, the files of `export_flow` come along. Places are those of the scene, which for a case
+    are the case's own; the plane is z = 0.
 
-    To draw the points as ellipses, open particles.pvd and add the filter Glyph with
+    open_in_paraview.py opens all of them: ``paraview --script=open_in_paraview.py``, or File > Load
+    State. By hand, to draw the points as ellipses, open particles.pvd and add the filter Glyph with
 
         Glyph Type          Sphere, its Radius 0.5 (the default)
         Orientation Array   orientation
@@ -79,4 +91,27 @@ def export(
         save_series(grid_images(result, flow), folder, "fields", ".vti")
     if flow is not None:
         export_flow(flow, result.scene, folder, result)
+    write_script(folder, max(result.scene.domain.width, result.scene.domain.height))
     return folder
+
+
+def write_script(folder: Path, size: float) -> Path:
+    """The script that opens the folder in ParaView; `size` is that of what it shows.
+
+    It is the file of this package, with the folder, the length of lines and the colours of axes filled in.
+    """
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33)
+    points = np.column_stack((angles, axis_colours(angles))).round(4).ravel().tolist()
+    values = {
+        "FOLDER": repr(str(folder.absolute())),
+        "LINE": repr(size / LINES_ACROSS),
+        "AXIS_COLOURS": repr(points),
+    }
+    text = Path(__file__).with_name(SCRIPT).read_text("utf-8")
+    for name, value in values.items():
+        # The backslashes of a path are no groups of the pattern.
+        line = f"{name} = {value}".replace("\\", r"\\")
+        text = re.sub(f"(?m)^{name} = .*$", line, text)
+    with whole_file(folder / SCRIPT) as beside:
+        beside.write_text(text, encoding="utf-8")
+    return folder / SCRIPT

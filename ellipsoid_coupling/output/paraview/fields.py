@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.geometry.fluid_cells import fluid_cells
+from ellipsoid_coupling.geometry.orientation import Complexes, as_axis, mean_axis
 from ellipsoid_coupling.geometry.patches import is_outlined
+from ellipsoid_coupling.output.orientation import axis_moment, axis_moments
 from ellipsoid_coupling.output.paraview.series import vectors
 from ellipsoid_coupling.result import Result
 
@@ -72,30 +74,50 @@ def _hidden(result: Result, flow: FlowField | None) -> NDArray[np.uint8] | None:
 
 
 def histogram_images(result: Result, cells: int) -> Iterator[tuple[float, pyvista.ImageData]]:
-    """(time, image) of a particle result's density on cells x cells bins."""
-    domain = result.scene.domain
-    for time, density in zip(result.times, result.density(cells), strict=True):
-        yield float(time), cell_image(domain.x, domain.y, (cells, cells), {"density": density})
+    """(time, image) of a particle result's density on cells x cells bins, with S and the mean axes."""
+    domain, shape = result.scene.domain, (cells, cells)
+    moments = axis_moments(result, shape)
+    for time, density, moment in zip(result.times, result.density(cells), moments, strict=True):
+        yield (
+            float(time),
+            cell_image(domain.x, domain.y, shape, {"density": density} | axes(moment)),
+        )
+
+
+def axes(moment: Complexes) -> dict[str, Floats]:
+    """What <e^{2 i theta}> in cells (ny, nx) tells: order, mean axes, and arrays for lines along them.
+
+    S : (ny, nx); angle : (ny, nx), of the mean axis, modulo pi; orientation : (ny * nx, 3) unit vectors
+    along it, 0 where S is 0
+    """
+    order, angle = np.abs(moment), mean_axis(moment)
+    some = (order > 0.0).astype(np.float64)
+    return {
+        "S": order,
+        "angle": as_axis(angle),
+        "orientation": vectors(some * np.cos(angle), some * np.sin(angle)),
+    }
 
 
 def grid_fields(result: Result, index: int) -> dict[str, Floats]:
-    """The fields of a grid at one saved time.
+    """The fields of a grid at one saved time; `axes` has the others.
 
-    density, mean_angle (radian), angular_velocity : (ny, nx), axis order (y, x)
-    velocity, orientation (cos and sin of the mean angle) : (ny * nx, 3), x running fastest
+    density, mean_angle (radian), speed, angular_velocity : (ny, nx), axis order (y, x)
+    velocity : (ny * nx, 3), x running fastest
     alignment : (ny, nx), q only: the length of the mean of (cos theta, sin theta), 1 where all
         particles of a cell have one angle, near 0 where the mean angle says nothing
     """
     values = {name: array[index] for name, array in result.variables.items()}
     fields = _r_fields(values) if result.layout == "rho" else _q_fields(values, result)
-    density, angle = fields["density"], fields["mean_angle"]
+    density = fields["density"]
     filled = density > VACUUM * density.max()
     velocity = [np.where(filled, fields.pop(f"velocity_{axis}"), 0.0) for axis in "xy"]
     return fields | {
-        "mean_angle": np.where(filled, angle, 0.0),
+        "mean_angle": np.where(filled, fields["mean_angle"], 0.0),
         "angular_velocity": np.where(filled, fields["angular_velocity"], 0.0),
         "velocity": vectors(*velocity),
-        "orientation": vectors(filled * np.cos(angle), filled * np.sin(angle)),
+        "speed": np.hypot(*velocity),
+        **axes(axis_moment(result, index, filled.shape)),
     }
 
 

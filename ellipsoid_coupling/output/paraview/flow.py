@@ -14,6 +14,7 @@ from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.even_points import even_points
+from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
 from ellipsoid_coupling.output.paraview.fields import cell_image
@@ -47,7 +48,7 @@ def export_flow(
     Ghosts only for scenes with walls on the sides of the domain, and walls.vtp for flows of a case. Of a
     flow that changes each is a series, flow.pvd and so on, with the flow (and the particles) as of each
     saved time, or of the scene's without a result. `inside` is 1 where a point lies in the flow; ghosts
-    take the velocity of the nearest point of the flow's rectangle.
+    take the velocity of the nearest point of the flow's rectangle. With velocity stands `speed`.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def _meshes(
         arrays |= _flow_arrays(flow.continued(ghosts.x, ghosts.y))
         meshes["flow_ghost_particles.vtp"] = points(ghosts.x, ghosts.y, arrays)
         cells = walls.ghost_cells(scene.numerics.cell)
-        arrays = {"density": cells.density, "angle": cells.angle}
+        arrays = {"density": cells.density, "angle": as_axis(cells.angle)}
         arrays |= _flow_arrays(flow.continued(cells.x, cells.y))
         squares = square_outlines(cells.x, cells.y, scene.numerics.cell)
         meshes["flow_ghost_cells.vtp"] = polygons(squares, arrays)
@@ -123,6 +124,7 @@ def outline_lines(outline: Outline) -> pyvista.PolyData:
 def _flow_arrays(sample: FlowSample) -> dict[str, Floats]:
     return {
         "velocity": vectors(sample.velocity_x, sample.velocity_y),
+        "speed": np.hypot(sample.velocity_x, sample.velocity_y).ravel(),
         "inside": sample.inside.ravel().astype(np.float64),
     }
 
@@ -139,7 +141,10 @@ def flow_at_particles(
 ) -> pyvista.PolyData:
     """Velocity at particles: see `export_flow` for which."""
     if result is not None and result.layout == "particles" and result.times.size:
-        x, y, angle = (result.variables[name][time, 0] for name in ("x", "y", "angle"))
+        there = np.ones(result.variables["x"].shape[2], np.bool_)
+        if result.unborn is not None:
+            there = ~result.unborn[time, 0]
+        x, y, angle = (result.variables[name][time, 0][there] for name in ("x", "y", "angle"))
     else:
         x, y = start_lattice(scene)
         angle = np.full(x.shape, scene.start.angle)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.geometry.fate_codes import INSIDE
+from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.output.paraview.series import vectors
 from ellipsoid_coupling.result import MARKS, Result
@@ -48,14 +49,14 @@ def polygons(outlines: Floats, arrays: Mapping[str, Floats]) -> pyvista.PolyData
 def glyph_arrays(angle: Floats, size: Size) -> dict[str, Floats]:
     """The arrays from which a glyph filter draws ellipses, for angles (n,).
 
-    length, width, angle : (n,); orientation : (n, 3) unit vectors along the main axes;
-    scale : (n, 3), (L, D, D)
+    length, width : (n,); angle : (n,) modulo pi, in [-pi/2, pi/2), which colours axes;
+    orientation : (n, 3) unit vectors along the main axes, heads included; scale : (n, 3), (L, D, D)
     """
     length, width = np.full(angle.shape, size[0]), np.full(angle.shape, size[1])
     return {
         "length": length,
         "width": width,
-        "angle": angle,
+        "angle": as_axis(angle),
         "orientation": vectors(np.cos(angle), np.sin(angle)),
         "scale": np.stack([length, width, width], axis=-1),
     }
@@ -64,7 +65,7 @@ def glyph_arrays(angle: Floats, size: Size) -> dict[str, Floats]:
 def particle_arrays(result: Result, index: int, realisation: int | None) -> dict[str, Floats]:
     """x, y and the data of the particles at one saved time, (n,) or (n, 3).
 
-    Without those that an inlet has not fed in yet.
+    Without those that an inlet has not fed in yet; `scale` is 0 of those that have left the flow.
 
     realisation : None for all of them, one after the other
     """
@@ -77,10 +78,14 @@ def particle_arrays(result: Result, index: int, realisation: int | None) -> dict
         "y": flat["y"],
         **glyph_arrays(flat["angle"], (particles.length, particles.width)),
         "velocity": vectors(flat["velocity_x"], flat["velocity_y"]),
+        "speed": np.hypot(flat["velocity_x"], flat["velocity_y"]),
         "angular_velocity": flat["angular_velocity"],
         "realisation": np.repeat(np.arange(count)[chosen], number),
         **{name: flat[name] for name in MARKS["particles"] if name in flat},
     }
+    if result.frozen is not None:
+        # A glyph of those that have left is nothing.
+        arrays["scale"] = arrays["scale"] * ~result.frozen[index, chosen].reshape(-1, 1)
     if result.unborn is None:
         return arrays
     there = ~result.unborn[index, chosen].ravel()
@@ -108,7 +113,9 @@ def particle_ellipses(result: Result, realisation: int) -> Iterator[tuple[float,
             if mark in arrays:
                 kept = arrays.pop(mark) == INSIDE
                 arrays = {name: values[kept] for name, values in arrays.items()}
-        outlines = ellipse_outlines(arrays.pop("x"), arrays.pop("y"), arrays["angle"], size)
+        axis = arrays["orientation"]
+        angle = np.arctan2(axis[:, 1], axis[:, 0])
+        outlines = ellipse_outlines(arrays.pop("x"), arrays.pop("y"), angle, size)
         del arrays["scale"]
         yield float(time), polygons(outlines, arrays)
 

@@ -3,10 +3,19 @@
 from ellipsoid_coupling.physics.angular.axis import Axis
 from ellipsoid_coupling.physics.angular.formulas import (
     angular_energy,
+    is_polar,
     outer_torque,
     outer_torque_slope,
     register,
 )
 from ellipsoid_coupling.physics.angular.sine import Sine
 
-__all__ = ["Axis", "Sine", "angular_energy", "outer_torque", "outer_torque_slope", "register"]
+__all__ = [
+    "Axis",
+    "Sine",
+    "angular_energy",
+    "is_polar",
+    "outer_torque",
+    "outer_torque_slope",
+    "register",
+]

@@ -12,12 +12,16 @@ periodic: angles are taken modulo 2 pi.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formula
 from ellipsoid_coupling.compiled.jit import inline_kernel
 from ellipsoid_coupling.scenes.kinds import ANGULAR_POTENTIALS, Record
+
+# Angles in half a turn; no multiple of a fold that a potential is likely to have.
+_ASKED = 37
 
 
 @chosen_by_type
@@ -36,6 +40,21 @@ def outer_torque(potential: Record | None, angle: float) -> float:
 def outer_torque_slope(potential: Record | None, angle: float) -> float:
     """-d^2 V2/dtheta^2 at an angle, for implicit steps; 0 without a potential."""
     raise NotImplementedError
+
+
+def is_polar(potential: Record | None) -> bool:
+    """Whether V2 tells theta from theta + pi, so that the head of an axis differs from its tail.
+
+    Asked of the formula itself, at some angles.
+    """
+    if potential is None:
+        return False
+    angles = [math.pi * part / _ASKED for part in range(_ASKED)]
+    energies = [
+        (angular_energy(potential, a), angular_energy(potential, a + math.pi)) for a in angles
+    ]
+    size = max(abs(value) for pair in energies for value in pair)
+    return any(abs(one - other) > 1e-9 * size for one, other in energies)
 
 
 @inline_kernel

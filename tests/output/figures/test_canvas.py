@@ -10,6 +10,7 @@ from matplotlib import rcParams
 
 from ellipsoid_coupling.models import model_kinds
 from ellipsoid_coupling.output.figures.canvas import (
+    add_details,
     add_title,
     multiple_of_pi,
     new_figure,
@@ -27,11 +28,40 @@ def test_settings_apply_inside_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("halves", "text"),
-    [(0, "0"), (1, r"$\pi/2$"), (2, r"$\pi$"), (-1, r"$-\pi/2$"), (3, r"$3\pi/2$"), (4, r"$2\pi$")],
+    ("quarters", "text"),
+    [
+        (0, "0"),
+        (2, r"$\pi/2$"),
+        (4, r"$\pi$"),
+        (-2, r"$-\pi/2$"),
+        (6, r"$3\pi/2$"),
+        (8, r"$2\pi$"),
+        (1, r"$\pi/4$"),
+        (-3, r"$-3\pi/4$"),
+    ],
 )
-def test_multiples_of_pi(halves: int, text: str) -> None:
-    assert multiple_of_pi(halves * np.pi / 2) == text
+def test_multiples_of_pi(quarters: int, text: str) -> None:
+    assert multiple_of_pi(quarters * np.pi / 4) == text
+
+
+def test_small_print_stands_below_panels_that_keep_their_height() -> None:
+    """Within a tenth of an inch: the layout rounds to pixels, and its padding goes with the figure."""
+    heights = []
+    for lines in ([], ["microscopic: accurate, 1000 x 128 particles, tolerance = 0.01"] * 3):
+        figure = new_figure(3.0, 2.0)
+        axes = figure.add_subplot()
+        axes.set_xlabel("x")
+        add_details(figure, lines)
+        figure.draw_without_rendering()
+        heights.append(axes.bbox.height / figure.dpi)
+        if lines:
+            (text,) = figure.texts
+            box, below = text.get_window_extent(), axes.get_tightbbox()
+            assert below is not None
+            assert box.y1 <= below.y0
+            assert box.x1 <= figure.bbox.x1
+            assert box.y0 >= 0.0
+    assert abs(heights[0] - heights[1]) < 0.1
 
 
 def test_long_titles_are_wrapped_inside_the_figure() -> None:

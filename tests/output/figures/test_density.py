@@ -8,10 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.output.figures import (
+    PAPER_COLOURS,
     DensityRow,
     common_maximum,
     density_rows,
@@ -52,6 +56,41 @@ def test_compared_panels_share_their_colours(
     assert (columns[0][0] == columns[1][0]) == (scale == "figure")
     bars = len(figure.axes) - 6
     assert bars == (1 if scale == "figure" else 2)
+
+
+def test_the_bar_says_unit_and_largest_value_and_print_names_the_run(
+    particle_result: Result, rho_result: Result
+) -> None:
+    figure = density_figure(density_rows([particle_result, rho_result], cells=20))
+    largest = max(particle_result.density(20).max(), rho_result.cell_density().max())
+    told = figure.axes[-1].get_ylabel()
+    assert "per unit of area" in told
+    assert f"largest {largest:.3g}" in told
+    (print_below,) = [text.get_text() for text in figure.texts if "accurate" in text.get_text()]
+    assert print_below.splitlines() == [
+        "microscopic: accurate, 30 x 3 particles",
+        "rho, mono-kinetic: accurate, h = 0.125",
+    ]
+
+
+def test_colours_are_the_papers_where_asked(rho_result: Result) -> None:
+    figure = density_figure(density_rows([rho_result]), colours=PAPER_COLOURS)
+    assert figure.axes[0].images[0].get_cmap().name == "jet"
+
+
+def test_walls_of_each_results_flow_are_drawn(rho_result: Result, lid_flow: FlowField) -> None:
+    square = np.array([[0.25, 0.25], [0.25, 0.5], [0.5, 0.5], [0.5, 0.25]])
+    outline = polygon_outline([("solid", "wall", square, True)])
+    flow = replace(lid_flow, outline=outline)
+    rows = density_rows([rho_result, replace(rho_result, scheme="paper")], flow=[flow, None])
+    assert rows[0].outline is outline
+    assert rows[1].outline is not None
+    assert rows[1].outline.names == ("left", "right", "bottom", "top")
+    for axes, row in zip(density_figure(rows).axes[:4:2], rows, strict=True):
+        lines = [c for c in axes.collections if isinstance(c, LineCollection)]
+        drawn = np.concatenate([np.asarray(part) for c in lines for part in c.get_segments()])
+        assert row.outline is not None
+        np.testing.assert_array_equal(drawn, row.outline.ends.reshape(-1, 2))
 
 
 def test_density_appears_where_it_is(rho_result: Result) -> None:

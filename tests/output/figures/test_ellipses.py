@@ -11,6 +11,7 @@ from matplotlib.collections import PolyCollection
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures import draw_ellipses
 from ellipsoid_coupling.output.figures.ellipses import ellipse_figure, thinned
 from ellipsoid_coupling.result import FROZEN, Result
@@ -20,8 +21,9 @@ def test_ellipses_of_the_realisation_at_each_time(
     particle_result: Result, lid_flow: FlowField, tmp_path: Path
 ) -> None:
     figure = ellipse_figure(particle_result, realisation=2, flow=lid_flow)
-    assert len(figure.axes) == 2
-    for index, axes in enumerate(figure.axes):
+    assert len(figure.axes) == 3  # the colour bar of the angle
+    assert "rad" in figure.axes[-1].get_ylabel()
+    for index, axes in enumerate(figure.axes[:2]):
         ellipses = next(c for c in axes.collections if isinstance(c, PolyCollection))
         centres = np.array([np.asarray(p.vertices)[:-1].mean(axis=0) for p in ellipses.get_paths()])
         x, y = (particle_result.variables[name][index, 2] for name in "xy")
@@ -45,11 +47,33 @@ def test_of_frozen_particles_the_outline_stands_where_they_left(particle_result:
     assert "4 have left the flow" in axes.get_title()
 
 
+def test_colour_is_that_of_the_axis(particle_result: Result) -> None:
+    """Turned by pi, an ellipse keeps its colour; to rounding."""
+    turned = particle_result.variables | {"angle": particle_result.variables["angle"] + np.pi}
+    faces = []
+    for result in (particle_result, replace(particle_result, variables=turned)):
+        axes = ellipse_figure(result).axes[0]
+        ellipses = next(c for c in axes.collections if isinstance(c, PolyCollection))
+        faces.append(np.asarray(ellipses.get_facecolor())[:, :3])
+    np.testing.assert_allclose(faces[0], faces[1], atol=1e-9)
+    angle = particle_result.variables["angle"][0, 0]
+    np.testing.assert_allclose(faces[0], axis_colours(angle), atol=1e-9)
+
+
+def test_wide_domains_stand_below_each_other(particle_result: Result) -> None:
+    figure = ellipse_figure(particle_result, extent=(0.0, 1.0, 0.2, 0.6))
+    figure.draw_without_rendering()
+    first, second = (axes.bbox for axes in figure.axes[:2])
+    assert first.y0 > second.y1
+    assert first.x0 == pytest.approx(second.x0)
+    assert figure.axes[0].get_xlim() == (0.0, 1.0)
+
+
 def test_title_says_how_many_are_shown(particle_result: Result) -> None:
     assert ellipse_figure(particle_result, most=12, title="Cavity").get_suptitle() == (
-        "Cavity\n12 of 30 particles"
+        "Cavity\n12 of 30 particles, realisation 0 of 3"
     )
-    assert ellipse_figure(particle_result).get_suptitle() == "30 particles"
+    assert ellipse_figure(particle_result).get_suptitle() == "30 particles, realisation 0 of 3"
 
 
 @pytest.mark.parametrize(("number", "most"), [(1000, 200), (7, 200), (1, 5), (10, 9)])

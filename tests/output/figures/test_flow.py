@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import Normalize
 from matplotlib.quiver import Quiver
 
 from ellipsoid_coupling.flow import FlowField
@@ -28,6 +29,10 @@ def test_arrows_have_the_direction_and_the_colour_of_the_velocity() -> None:
     # No arrow reaches its neighbour's.
     assert np.hypot(np.asarray(quiver.U), np.asarray(quiver.V)).max() <= spacing
     assert len(figure.axes) == 2
+    # Linear in the speed, and said so.
+    assert type(quiver.norm) is Normalize
+    assert quiver.norm.vmin == 0.0
+    assert "linear" in figure.axes[1].get_ylabel()
 
 
 def test_no_arrows_outside_the_flow(lid_flow: FlowField) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
@@ -78,8 +77,8 @@ def test_only_failed_runs_give_empty_axes_and_no_rows_an_error(tmp_path: Path) -
         draw_frontier([], tmp_path / "frontier.png")
 
 
-def test_parts_are_bars_beside_each_other(tmp_path: Path) -> None:
-    """Bars reach to their values, one colour a part, a line at the total."""
+def test_parts_are_marks_below_each_other(tmp_path: Path) -> None:
+    """At their values, one marker a part, a line at the total; no bars on the logarithmic axis."""
     groups = [
         PartBars(
             "rho\npaper", {"total": 0.5, "discretisation": 0.4, "closure": 0.2}, {"total": 0.1}
@@ -88,8 +87,18 @@ def test_parts_are_bars_beside_each_other(tmp_path: Path) -> None:
     ]
     figure = parts_figure(groups, "Cavity")
     density = figure.axes[0]
-    ends = [bar.get_x() + bar.get_width() for bar in density.patches if isinstance(bar, Rectangle)]
-    assert {0.4, 0.2, 0.05} <= {round(end, 6) for end in ends}
+    assert not density.patches
+    marks = {
+        (str(line.get_marker()), float(x), float(y))
+        for line in density.lines
+        for x, y in zip(np.asarray(line.get_xdata()), np.asarray(line.get_ydata()), strict=True)
+        if line.get_linestyle() == "None"
+    }
+    assert {(marker, x) for marker, x, _ in marks} == {
+        ("s", 0.4), ("o", 0.2), ("^", 0.05), ("<", 1e-3),
+    }  # fmt: skip
+    heights = {(marker, round(y, 6)) for marker, _, y in marks}
+    assert heights == {("s", -0.21), ("o", 0.21), ("^", 0.79), ("<", 1.21)}
     assert [tick.get_text() for tick in density.get_yticklabels()] == ["rho\npaper", "micro"]
     assert draw_parts(groups, tmp_path / "parts.png").stat().st_size > 1000
     with pytest.raises(InputError, match="error parts"):

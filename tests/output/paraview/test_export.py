@@ -34,6 +34,7 @@ def test_particle_result(particle_result: Result, lid_flow: FlowField, tmp_path:
     last = read_series(folder / "particles.pvd", particle_result.times[1])
     np.testing.assert_array_equal(last.points[:, 0], particle_result.variables["x"][1, 0])
     assert len(list(folder.glob("flow*"))) == 5
+    assert (folder / "open_in_paraview.py").is_file()
 
 
 def test_all_or_one_realisation(particle_result: Result, tmp_path: Path) -> None:
@@ -55,7 +56,8 @@ def test_grid_result(kind: str, request: pytest.FixtureRequest, tmp_path: Path) 
     folder = export(result, tmp_path)
     assert [file.name for file in folder.glob("*.pvd")] == ["fields.pvd"]
     image = read_series(folder / "fields.pvd", result.times[1])
-    names = {"density", "mean_angle", "orientation", "velocity", "angular_velocity"}
+    names = {"density", "mean_angle", "velocity", "speed", "angular_velocity"}
+    names |= {"orientation", "angle", "S"}
     assert set(image.cell_data.keys()) - {"alignment"} == names
     np.testing.assert_array_equal(image.cell_data["density"], result.cell_density()[1].ravel())
     assert ("alignment" in image.cell_data) == (kind == "q_result")

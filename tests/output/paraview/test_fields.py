@@ -35,6 +35,11 @@ def test_orientation_is_a_unit_vector_where_there_is_mass(rho_result: Result) ->
     lengths = np.linalg.norm(fields["orientation"], axis=1)
     np.testing.assert_allclose(lengths, filled, atol=1e-15)
     assert np.all(fields["velocity"][~filled] == 0.0)
+    # One angle a cell: all of it is in order, along the same axis as the mean angle.
+    np.testing.assert_allclose(fields["S"].ravel(), filled, atol=1e-15)
+    turned = np.exp(2j * fields["angle"]) - np.exp(2j * rho_result.variables["mean_angle"][0])
+    np.testing.assert_allclose(turned.ravel()[filled], 0.0, atol=1e-14)
+    assert np.all(np.abs(fields["angle"]) <= 0.5 * np.pi)
 
 
 def test_q_is_integrated_over_the_angle(q_result: Result) -> None:
@@ -44,7 +49,11 @@ def test_q_is_integrated_over_the_angle(q_result: Result) -> None:
     assert np.isclose(fields["mean_angle"][1, 6], 2 * np.pi - np.pi / 12, rtol=1e-14)
     assert np.isclose(fields["alignment"][1, 6], np.cos(np.pi / 12), rtol=1e-14)
     np.testing.assert_allclose(fields["velocity"][1 * 8 + 6], [2.0, 2.0, 0.0], rtol=1e-14)
-    assert fields["density"][0, 0] == fields["mean_angle"][0, 0] == 0.0
+    assert fields["density"][0, 0] == fields["mean_angle"][0, 0] == fields["S"][0, 0] == 0.0
+    # Axes at -30 and 0 degrees: S is the cosine of what lies between them.
+    assert np.isclose(fields["S"][1, 6], np.cos(np.pi / 6), rtol=1e-14)
+    assert np.isclose(fields["angle"][1, 6], -np.pi / 12, rtol=1e-14)
+    assert np.isclose(fields["speed"][1, 6], np.hypot(2.0, 2.0), rtol=1e-14)
 
 
 def test_all_zero_density_is_written(rho_result: Result) -> None:

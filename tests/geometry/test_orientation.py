@@ -65,7 +65,7 @@ def test_particles_fall_into_the_bins_of_numpys_histogram_and_others_into_none()
 
 @pytest.mark.parametrize("shape", [(1, 2), (3, 1)])
 def test_cells_hand_on_their_mass_to_the_bins_that_they_overlap(shape: Shape) -> None:
-    """Mass stays what it was, to rounding; of three cells on two bins the middle one counts half in each."""
+    """Mass stays, to rounding; of three cells on two bins the middle one counts half in each."""
     density, angles = np.array([[1.0, 4.0, 1.0]]), np.array([[0.0, 0.5, 1.0]])
     found = grid_moments(density, density * np.exp(2j * angles), shape)
     assert found.mass.sum() == pytest.approx(6.0, rel=1e-14)

@@ -117,7 +117,7 @@ def grid_fields(result: Result, index: int) -> dict[str, Floats]:
         "angular_velocity": np.where(filled, fields["angular_velocity"], 0.0),
         "velocity": vectors(*velocity),
         "speed": np.hypot(*velocity),
-        **axes(axis_moment(result, index, filled.shape)),
+        **axes(np.where(filled, axis_moment(result, index, filled.shape), 0.0)),
     }
 
 

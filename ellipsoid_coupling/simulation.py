@@ -53,6 +53,7 @@ from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
 from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
+from ellipsoid_coupling.storage.start_file import earlier_state
 
 Report = Callable[[str, float], None]
 
@@ -149,6 +150,7 @@ def simulate(
     """
     kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
     setup = checked_setup(scene, model, scheme, seed, realisations)
+    setup = replace(setup, earlier=earlier_state(scene))
     if kept_in is not None:
         kept_in.check()
         kept_in.check_same(*identity(model, setup))
@@ -218,6 +220,8 @@ def identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, obje
     }
     if setup.first_realisation:
         run["first_realisation"] = setup.first_realisation
+    if setup.earlier is not None:
+        run["start_digest"] = setup.earlier.digest
     return run, setup.scene.model_dump(mode="json", exclude_none=True)
 
 

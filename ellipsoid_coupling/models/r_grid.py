@@ -14,7 +14,7 @@ from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
-from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
+from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, System, rho_system
 from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
 from ellipsoid_coupling.interaction import (
     CurvedWalls,
@@ -36,6 +36,7 @@ from ellipsoid_coupling.models.staircase import (
     scene_staircase,
     staircase_lines,
 )
+from ellipsoid_coupling.models.start_state import fill_start
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -65,7 +66,7 @@ class RGridEquation(CellModel):
             system=system,
             grid=grid,
             terms=terms,
-            tables=scene_moving_tables(setup, plane, terms),
+            tables=scene_moving_tables(setup, plane, terms, stairs),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
@@ -73,11 +74,10 @@ class RGridEquation(CellModel):
             moving_lines=scene_moving_lines(setup, grid, system),
         )
         density = start_density(plane, scene)
-        if stairs is not None:
+        if stairs is not None and setup.earlier is None:
             density = require_start_in_fluid(scene, stairs.cells.inside, plane, density)
-        cells.inside[0] = density
-        if cells.system.carried_angle:
-            cells.fill(MEAN_ANGLE, self._forces.start_angle)
+        own = {DENSITY: density[None], MEAN_ANGLE: self._forces.start_angle[None]}
+        fill_start(cells, setup, stairs, own)
         for component, value in self.start_values(setup, cells.inside[0]).items():
             cells.fill(component, value)
         super().__init__(name, setup, cells)
@@ -168,7 +168,7 @@ def _scene_interaction(
         method=numerics.interaction,
         periods=periodic_axes(scene),
     )
-    walls = scene_walls(scene, shape)
+    walls = scene_walls(scene, shape, stairs)
     if walls is None:
         return interaction, None
     return interaction, curved_walls(scene, stairs, grid, walls) or walls.table(grid.cell)

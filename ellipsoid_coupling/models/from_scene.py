@@ -23,7 +23,7 @@ from ellipsoid_coupling.interaction.wall_lines import ghosts_along
 from ellipsoid_coupling.interaction.walls import GhostParticles
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
-from ellipsoid_coupling.models.staircase import Staircase, scene_staircase
+from ellipsoid_coupling.models.staircase import Staircase, StairsAt
 from ellipsoid_coupling.particles.state import Rates
 from ellipsoid_coupling.physics.drift import EVERYWHERE, External, Fluid
 from ellipsoid_coupling.physics.outer import scene_outer
@@ -228,7 +228,7 @@ def _tables(
 
 
 def scene_moving_tables(
-    setup: Setup, grid: Grid, terms: CellTerms, stairs: Staircase | None = None
+    setup: Setup, stairs_at: StairsAt, grid: Grid, terms: CellTerms
 ) -> MovingTables | None:
     """What brings the `terms` of an r-grid to a time; None where nothing changes."""
     external = scene_external(setup)
@@ -236,8 +236,7 @@ def scene_moving_tables(
         return None
 
     def tables_at(t: float) -> tuple[Floats, Floats]:
-        now = None if stairs is None else scene_staircase(setup, grid, t)
-        return _tables(external, t, grid, now)
+        return _tables(external, t, grid, stairs_at(t))
 
     return MovingTables(tables_at, external.fluid.flow, terms)
 

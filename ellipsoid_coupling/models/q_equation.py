@@ -40,7 +40,7 @@ from ellipsoid_coupling.models.staircase import (
     curved_walls,
     require_start_in_fluid,
     scene_moving_lines,
-    scene_staircase,
+    staircase_in_time,
     staircase_lines,
 )
 from ellipsoid_coupling.models.start_state import fill_start
@@ -65,20 +65,21 @@ class QEquation(CellModel):
         scene, system = setup.scene, self.system(setup)
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
-        stairs = scene_staircase(setup, grid.plane)
+        stairs_at = staircase_in_time(setup, grid.plane)
+        stairs = stairs_at(0.0)
         terms = scene_cell_terms(setup, grid.plane, stairs=stairs)
         cells = CellFields(
             system=system,
             grid=grid,
             terms=terms,
-            tables=scene_moving_tables(setup, grid.plane, terms, stairs),
+            tables=scene_moving_tables(setup, stairs_at, grid.plane, terms),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
                 _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape, stairs)
             ),
             lines=stairs and staircase_lines(setup, stairs, grid, system),
-            moving_lines=scene_moving_lines(setup, grid, system),
+            moving_lines=scene_moving_lines(setup, stairs_at, grid, system),
         )
         fill_start(cells, setup, stairs, {DENSITY: _start(grid, setup, stairs)})
         for component, value in self.start_values(setup, cells.inside[0]).items():

@@ -33,7 +33,7 @@ from ellipsoid_coupling.models.staircase import (
     curved_walls,
     require_start_in_fluid,
     scene_moving_lines,
-    scene_staircase,
+    staircase_in_time,
     staircase_lines,
 )
 from ellipsoid_coupling.models.start_state import fill_start
@@ -58,7 +58,9 @@ class RGridEquation(CellModel):
         scene, plane = setup.scene, scene_grid(setup.scene)
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
-        system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
+        system, grid = self.system(setup), RGrid(plane)
+        stairs_at = staircase_in_time(setup, plane)
+        stairs = stairs_at(0.0)
         interaction = _scene_interaction(setup, plane, stairs)
         self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
         terms = scene_cell_terms(setup, plane, stairs=stairs)
@@ -66,12 +68,12 @@ class RGridEquation(CellModel):
             system=system,
             grid=grid,
             terms=terms,
-            tables=scene_moving_tables(setup, plane, terms, stairs),
+            tables=scene_moving_tables(setup, stairs_at, plane, terms),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
             lines=stairs and staircase_lines(setup, stairs, grid, system),
-            moving_lines=scene_moving_lines(setup, grid, system),
+            moving_lines=scene_moving_lines(setup, stairs_at, grid, system),
         )
         density = start_density(plane, scene)
         if stairs is not None and setup.earlier is None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +33,8 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SIDES
 
 Floats = NDArray[np.float64]
+# The staircase of a scene as of a time; None where nothing but the domain bounds the fluid.
+StairsAt = Callable[[float], "Staircase | None"]
 
 
 class Staircase(NamedTuple):
@@ -85,6 +89,11 @@ def scene_staircase(setup: Setup, grid: Grid, t: float = 0.0) -> Staircase | Non
     faces = {axis: CellFaces(corners, cells, ends, grid.cell, axis) for axis in (-1, -2)}
     _require_periods(scene, ends, faces)
     return Staircase(cells, ends, faces, outline, flow)
+
+
+def staircase_in_time(setup: Setup, grid: Grid) -> StairsAt:
+    """`scene_staircase` at a time; the last one is kept, as tables and lines ask one after the other."""
+    return lru_cache(maxsize=1)(partial(scene_staircase, setup, grid))
 
 
 def _ends(scene: Scene, flow: FlowField | None) -> Ends:
@@ -159,14 +168,16 @@ def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System
     )
 
 
-def scene_moving_lines(setup: Setup, grid: QGrid, system: System) -> MovingLines | None:
+def scene_moving_lines(
+    setup: Setup, stairs_at: StairsAt, grid: QGrid, system: System
+) -> MovingLines | None:
     """What brings the lines of a staircase to a time; None where nothing changes, or without one."""
     moving = setup.flow
-    if not isinstance(moving, MovingFlow) or scene_staircase(setup, grid.plane) is None:
+    if not isinstance(moving, MovingFlow) or stairs_at(0.0) is None:
         return None
 
     def lines_at(t: float) -> FluidLines:
-        stairs = scene_staircase(setup, grid.plane, t)
+        stairs = stairs_at(t)
         assert stairs is not None
         return staircase_lines(setup, stairs, grid, system)
 

@@ -49,11 +49,12 @@ from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import MARKS, VARIABLES, Result, further_text
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.scene import Flow
+from ellipsoid_coupling.scenes.start import KEPT_START
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
 from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
-from ellipsoid_coupling.storage.start_file import earlier_state
+from ellipsoid_coupling.storage.start_file import earlier_state, keep_start
 
 Report = Callable[[str, float], None]
 
@@ -150,7 +151,7 @@ def simulate(
     """
     kept_in = RunFolder(folder) if isinstance(folder, Path) else folder
     setup = checked_setup(scene, model, scheme, seed, realisations)
-    setup = replace(setup, earlier=earlier_state(scene))
+    setup = replace(setup, earlier=earlier_state(scene, kept_in))
     if kept_in is not None:
         kept_in.check()
         kept_in.check_same(*identity(model, setup))
@@ -220,9 +221,10 @@ def identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, obje
     }
     if setup.first_realisation:
         run["first_realisation"] = setup.first_realisation
+    parts = setup.scene.model_dump(mode="json", exclude_none=True)
     if setup.earlier is not None:
-        run["start_digest"] = setup.earlier.digest
-    return run, setup.scene.model_dump(mode="json", exclude_none=True)
+        run["start_digest"], parts["start"]["file"] = setup.earlier.digest, KEPT_START
+    return run, parts
 
 
 @dataclass
@@ -249,6 +251,7 @@ class _Run:
             if self.folder is not None:
                 parts = identity(self.name, self.setup)
                 claim.enter_context(self.folder.claimed(*parts, self.flow))
+                keep_start(self.setup.scene, self.folder)
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -337,27 +340,25 @@ class _Run:
                 where, "the state of a sound run", str(error), "Remove it to start again."
             ) from None
 
-    def _resolution(self) -> str:
-        setup = self.setup
-        return resolution_text(self.name, setup.scheme, setup.scene, setup.realisations)
-
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
-        kind = kind_named(self.name)
+        setup, kind = self.setup, kind_named(self.name)
         result = Result(
-            scene=self.setup.scene,
+            scene=setup.scene,
             model=self.name,
-            scheme=self.setup.scheme,
+            scheme=setup.scheme,
             layout=kind.layout,
-            times=np.array(self.setup.scene.times[: len(self.snapshots)]),
+            times=np.array(setup.scene.times[: len(self.snapshots)]),
             variables=_stack(self.snapshots or [self.model.snapshot()], len(self.snapshots)),
             coordinates=self.model.coordinates(),
             attributes={
                 "status": status,
-                "seed": self.setup.seed,
-                "resolution": self._resolution(),
-                "flow": self.setup.flow.origin if self.setup.flow else "none",
-                "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
+                "seed": setup.seed,
+                "resolution": resolution_text(
+                    self.name, setup.scheme, setup.scene, setup.realisations
+                ),
+                "flow": setup.flow.origin if setup.flow else "none",
+                "flow_digest": setup.flow.digest if setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
                 **self.model.counts(),
                 **further_text(kind.variables),

@@ -61,6 +61,7 @@ def load_scene(
         table, where = table["scene"], f"{where}, [scene]"
         if not isinstance(table, dict):
             raise InputError(where, "a section", repr(table), "Take the run.toml of a run.")
+        _place(table, "start", "file", Path(str(scene)))
     elif not isinstance(scene, Mapping):
         for section, key in (("flow", "case"), ("start", "file")):
             _place(table, section, key, Path(scene))

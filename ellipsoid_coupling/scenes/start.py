@@ -18,6 +18,10 @@ from ellipsoid_coupling.scenes.values import (
 )
 
 
+# The copy of start.file in a run's folder, by which run.toml calls it.
+KEPT_START = "start.nc"
+
+
 class Start(Part):
     """Where the particles start: the box Omega_0, filled evenly, and the start angle.
 

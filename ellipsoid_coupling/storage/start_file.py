@@ -1,20 +1,40 @@
-"""The state that start.file names: the last one of an earlier run's result.nc, read without trust."""
+"""The state that start.file names: the last one of an earlier run's result.nc, read without trust.
+
+A run's folder keeps a copy of the file, from which the run is resumed and repeated.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import shutil
 from pathlib import Path
 
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.reading import exists
+from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.models import Earlier
 from ellipsoid_coupling.result import VARIABLES, Result
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.storage.run_folder import START_FILE, RunFolder
 
 
-def earlier_state(scene: Scene) -> Earlier | None:
+def keep_start(scene: Scene, folder: RunFolder) -> None:
+    """Copy what a scene starts from into a claimed folder, unless it is there already."""
+    kept, given = folder.path / START_FILE, scene.start.file
+    if given is None:
+        kept.unlink(missing_ok=True)
+    elif not (folder.resume and exists(kept)) and not (exists(kept) and kept.samefile(given)):
+        folder.require_ours()
+        with whole_file(kept, new_folder=False) as beside:
+            shutil.copyfile(given, beside)
+
+
+def earlier_state(scene: Scene, folder: RunFolder | None = None) -> Earlier | None:
     """The last state of the result that a scene starts from; None for a scene without start.file.
+
+    folder : of the run; one that is resumed has the file from there
 
     Raises
     ------
@@ -23,7 +43,10 @@ def earlier_state(scene: Scene) -> Earlier | None:
     """
     if scene.start.file is None:
         return None
-    result = Result.load(Path(scene.start.file))
+    path = Path(scene.start.file)
+    if folder is not None and folder.resume and exists(folder.path / START_FILE):
+        path = folder.path / START_FILE
+    result = Result.load(path)
     where = f"scene {scene.name}, key start.file"
     if result.times.size == 0:
         found = "a run that failed before its first one"
@@ -39,8 +62,10 @@ def earlier_state(scene: Scene) -> Earlier | None:
     digest = hashlib.sha256()
     for name, values in sorted((variables | result.coordinates).items()):
         digest.update(name.encode() + np.ascontiguousarray(values).tobytes())
-    number = result.attributes.get("particles_at_start", variables["x"].size) if result.layout == "particles" else 0.0
+    number = 0.0
+    if result.layout == "particles":
+        number = result.attributes.get("particles_at_start", variables["x"].size)
     return Earlier(
-        scene.start.file, result.layout, variables, result.coordinates, float(number),
+        str(path), result.layout, variables, result.coordinates, float(number),
         digest.hexdigest()[:16],
     )  # fmt: skip

@@ -121,8 +121,8 @@ def test_particles_are_counted_in_cells(model: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(binned, earlier.density(20)[-1], atol=1e-6 * binned.max())
 
 
-def test_the_file_is_found_beside_the_scene_and_told_apart(tmp_path: Path) -> None:
-    """A path relative to the scene's file; another state under the same name is not resumed."""
+def test_the_file_is_found_beside_the_scene(tmp_path: Path) -> None:
+    """By a path relative to the scene's file."""
     ec.simulate(scene(), "microscopic", folder=tmp_path / "first")
     text = (
         'name = "next"\ntimes = [0.1, 0.2]\nstart = { file = "first/result.nc" }\n'
@@ -134,7 +134,19 @@ def test_the_file_is_found_beside_the_scene_and_told_apart(tmp_path: Path) -> No
     own = ec.load_scene(tmp_path / "next.toml")
     assert own.start.file == str(tmp_path / "first" / "result.nc")
     assert own.start.x == own.domain.x
-    run = tmp_path / "run"
+    whole = ec.simulate(own, "microscopic")
+    # Without a fluid all fly on straight, and turn as they did.
+    first = Result.load(tmp_path / "first").variables
+    flown = first["x"][-1, :2] + 0.2 * first["velocity_x"][-1, :2]
+    assert np.abs(whole.variables["x"][-1] - flown).max() < 1e-13
+    turned = first["angle"][-1, :2] + 0.2 * first["angular_velocity"][-1, :2]
+    assert np.abs(whole.variables["angle"][-1] - turned).max() < 1e-13
+
+
+def test_a_run_keeps_what_it_started_from(tmp_path: Path) -> None:
+    """Resumed and repeated without the file, and in a folder that has been moved; a copy is told apart."""
+    ec.simulate(scene(), "microscopic", folder=tmp_path / "first")
+    own = going_on(tmp_path / "first", times=[0.1, 0.2])
 
     class Stop(BaseException):
         pass
@@ -143,23 +155,26 @@ def test_the_file_is_found_beside_the_scene_and_told_apart(tmp_path: Path) -> No
         if part > 0.4:
             raise Stop
 
-    with pytest.raises(Stop):
-        place = ec.RunFolder(run, checkpoint_seconds=0.0)
-        ec.simulate(own, "microscopic", folder=place, report=stop)
-    resumed = ec.simulate(own, "microscopic", folder=ec.RunFolder(run, resume=True))
     whole = ec.simulate(own, "microscopic")
-    assert np.array_equal(resumed.variables["x"], whole.variables["x"])
-    # Without a fluid all fly on straight, and turn as they did.
-    first = Result.load(tmp_path / "first").variables
-    flown = first["x"][-1, :2] + 0.2 * first["velocity_x"][-1, :2]
-    assert np.abs(whole.variables["x"][-1] - flown).max() < 1e-13
-    turned = first["angle"][-1, :2] + 0.2 * first["angular_velocity"][-1, :2]
-    assert np.abs(whole.variables["angle"][-1] - turned).max() < 1e-13
-    ec.simulate(
-        scene(times=[0.2]), "microscopic", folder=ec.RunFolder(tmp_path / "first", force=True)
-    )
+    with pytest.raises(Stop):
+        place = ec.RunFolder(tmp_path / "run", checkpoint_seconds=0.0)
+        ec.simulate(own, "microscopic", folder=place, report=stop)
+    (tmp_path / "first" / "result.nc").unlink()
+    resumed = ec.simulate(own, "microscopic", folder=ec.RunFolder(tmp_path / "run", resume=True))
+    moved = (tmp_path / "run").rename(tmp_path / "moved")
+    again = ec.load_scene(moved / "run.toml")
+    assert again.start.file == str(moved / "start.nc")
+    repeated = ec.simulate(again, "microscopic", folder=ec.RunFolder(moved, force=True))
+    for name in ("x", "y", "angle"):
+        assert np.array_equal(resumed.variables[name], whole.variables[name])
+        assert np.array_equal(repeated.variables[name], whole.variables[name])
+    (moved / "result.nc").unlink()
+    ec.simulate(scene(times=[0.2]), "microscopic", folder=tmp_path / "other")
+    (tmp_path / "other" / "result.nc").rename(moved / "start.nc")
     with pytest.raises(InputError, match=r"\[run\] start_digest"):
-        ec.simulate(own, "microscopic", folder=ec.RunFolder(run, resume=True))
+        ec.simulate(again, "microscopic", folder=ec.RunFolder(moved, resume=True))
+    ec.simulate(scene(), "microscopic", folder=ec.RunFolder(moved, force=True))
+    assert not (moved / "start.nc").exists()
 
 
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:

@@ -287,8 +287,7 @@ class _Run:
     def _seconds(self) -> NDArray[np.float64]:
         """Wall seconds without compiling, and compiling seconds, earlier parts included."""
         compiling = self.compiling.seconds
-        running = self._spent() - compiling
-        return np.asarray(self.earlier + np.array([running, compiling]))
+        return np.asarray(self.earlier + np.array([self._spent() - compiling, compiling]))
 
     def _keep(self, slow: str | None) -> None:
         """Write a checkpoint if one is due or the run must end here."""

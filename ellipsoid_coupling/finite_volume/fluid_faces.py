@@ -160,9 +160,7 @@ def line_motion(
     return FluidMotion(pairs[0], pairs[1], 0.0, 0.0)
 
 
-def set_ghosts(
-    faces: tuple[Floats, Floats], table: LineTable, kinds: tuple[object, ...]
-) -> None:
+def set_ghosts(faces: tuple[Floats, Floats], table: LineTable, kinds: tuple[object, ...]) -> None:
     """The ghosts' fluid at the lower and the upper faces of all lines, in place; see `line_motion`."""
     reflects = np.array([at_side(kind) == "reflect" for kind in kinds])[table.kind]
     feeds = np.array([isinstance(kind, Inlet) for kind in kinds])[table.kind]

@@ -45,7 +45,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
-from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
+from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     WORK_AT,
@@ -108,7 +108,9 @@ class WellBalancedHeun:
         self._works = {axis: self._no_work(axis) for axis in system.axes}
         # On a staircase in a flow that changes, also those of the step's end.
         moves = system.moving_lines is not None
-        self._works_after = {axis: self._no_work(axis) for axis in (-1, -2)} if moves else self._works
+        self._works_after = (
+            {axis: self._no_work(axis) for axis in (-1, -2)} if moves else self._works
+        )
 
     def _no_work(self, axis: int) -> Floats:
         """Of the fields' cells, or of those of the lines along an axis of a staircase."""
@@ -260,7 +262,8 @@ class WellBalancedHeun:
         planes, ny, nx = system.grid.shape
         kinds = np.array([at_side(kind) == "reflect" for kind in lines.kinds])
         distinct, there = (1, ()) if potential is None else (potential.shape[0], (0,))
-        works, fluxes = (self._works[axis], self._works_after[axis]), []
+        works = self._works[axis], self._works_after[axis]
+        fluxes: list[Flux] = []
         for force, work in zip(steady, works, strict=True):
             forces = LineForces(
                 force[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
@@ -269,9 +272,7 @@ class WellBalancedHeun:
             )  # fmt: skip
             if not fluxes or work is not works[0]:
                 set_line_work(forces, whole, work)
-            fluxes.append(
-                self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
-            )
+            fluxes.append(self._make_flux(system.transported(axis, dt)._replace(tilt=work[0])))
         limits = Limits(system.smooth_part(axis), system.vacuum)
         balance = Balance(works, limits, self._stage(axis, dt))
         system.outflow += balance_lines((fluxes[0], fluxes[1]), whole, balance, system.outflow.size)

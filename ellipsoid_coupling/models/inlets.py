@@ -5,8 +5,8 @@ A density rho (mass per area, of a mass of 1 at the start) that the fluid carrie
     rho N int max(u(t) . n, 0) ds          particles in a unit of time,
 
 N of them at the start, each with the weight 1/N; n is the inner normal. Where they come in has the density
-u . n along the patch. Each moves and turns with the fluid at its birth, at the inlet's angle. In a flow that
-changes the rate does, too; as the fluid is known beforehand, so are all births (`particles.inflow`).
+u . n along the patch. Each moves and turns with the fluid at its birth, at the inlet's angle. In a flow
+that changes the rate does, too; as the fluid is known beforehand, so are all births (`particles.inflow`).
 
 Particles of the microscopic model know nothing of one another upstream. So their births are a Poisson
 process, drawn from the stream of each realisation: counts in any part of the fluid then have the law of
@@ -66,7 +66,7 @@ class Source(NamedTuple):
     angle: Floats
 
     def places(self, time: Floats, part: Floats) -> tuple[Floats, Floats]:
-        """Places (2, n) and angles (n,) of what comes in at times (n,), at parts in [0, 1) of the inlets."""
+        """Places (2, n) and angles (n,) of what comes in at times (n,), at parts (n,) of all inlets."""
         piece, share = self.inflow.pieces(time, part)
         return (self.start[piece] + share[:, None] * self.way[piece]).T, self.angle[piece]
 
@@ -120,13 +120,11 @@ def _pieces(edges: FluidEdges, e: int, count: int) -> _Pieces:
 
 
 def _flux(flow: FlowField, pieces: _Pieces) -> Floats:
-    """u . n times the width of each piece, (P,), by the fluid in its middle."""
+    """What flows in through each piece, (P,): its width times u . n in its middle."""
     middle = pieces.start + 0.5 * pieces.way
     sample = flow.evaluate(middle[:, 0], middle[:, 1])
     normal_x, normal_y = pieces.normal.T
-    return np.asarray(
-        (normal_x * sample.velocity_x + normal_y * sample.velocity_y) * pieces.width
-    )
+    return np.asarray((normal_x * sample.velocity_x + normal_y * sample.velocity_y) * pieces.width)
 
 
 def scene_births(
@@ -195,9 +193,7 @@ def _even_births(inflow: Inflow, number: int, blocks: int) -> list[tuple[Floats,
     return [(times[k::blocks], parts[k::blocks]) for k in range(blocks)]
 
 
-def _at_birth(
-    setup: Setup, inflow: Inflow, time: Floats, place: Floats
-) -> tuple[Floats, Floats]:
+def _at_birth(setup: Setup, inflow: Inflow, time: Floats, place: Floats) -> tuple[Floats, Floats]:
     """Velocity and drift (R, 3, B) of particles born at times (R, B) and places (R, 3, B).
 
     Both are linear in the fluid, so that each of its fields counts by its part at the time.

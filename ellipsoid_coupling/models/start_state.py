@@ -131,9 +131,7 @@ def start_velocity(setup: Setup, place: Floats) -> Floats:
 # Cells.
 
 
-def fill_start(
-    cells: CellFields, setup: Setup, stairs: Staircase | None, own: Values
-) -> None:
+def fill_start(cells: CellFields, setup: Setup, stairs: Staircase | None, own: Values) -> None:
     """Set the fields of cells to the start, in place.
 
     Parameters
@@ -199,7 +197,8 @@ def _earlier_cells(setup: Setup, earlier: Earlier, grid: QGrid) -> Values:
     wanted = "q" if resolved else "rho"
     found = earlier.coordinates
     same = earlier.layout == wanted and all(
-        found[name].shape == centres.shape and np.allclose(found[name], centres, rtol=1e-12, atol=1e-9 * grid.plane.cell)
+        found[name].shape == centres.shape
+        and np.allclose(found[name], centres, rtol=1e-12, atol=1e-9 * grid.plane.cell)
         for name, centres in axes.items()
     )
     if not same:
@@ -211,7 +210,9 @@ def _earlier_cells(setup: Setup, earlier: Earlier, grid: QGrid) -> Values:
         )  # fmt: skip
     values = {name: value.reshape(grid.shape) for name, value in earlier.variables.items()}
     if (values[DENSITY] < 0.0).any():
-        raise _refused(setup.scene, "no negative density", f"some in {earlier.where}", "Give another result.")
+        raise _refused(
+            setup.scene, "no negative density", f"some in {earlier.where}", "Give another result."
+        )
     if MEAN_ANGLE in values:
         values[MEAN_ANGLE] = values[MEAN_ANGLE] - setup.scene.start.turns
     return values
@@ -227,13 +228,13 @@ def _binned(scene: Scene, earlier: Earlier, grid: QGrid) -> Values:
         # Between two centres a particle counts for both, as that of a start angle does.
         place = angle / grid.angle_width
         low = np.floor(place).astype(np.int64)
-        planes, parts = (low, low + 1), (1.0 - (place - low), place - low)
+        shares = [(low, 1.0 - (place - low)), (low + 1, place - low)]
     else:
-        planes, parts = (np.zeros(i.size, np.int64),), (np.ones(i.size),)
+        shares = [(np.zeros(i.size, np.int64), np.ones(i.size))]
 
     def gathered(weight: Floats) -> Floats:
         out = np.zeros(grid.shape)
-        for a, part in zip(planes, parts, strict=True):
+        for a, part in shares:
             np.add.at(out, (a % grid.shape[0], j, i), part * weight)
         return out
 

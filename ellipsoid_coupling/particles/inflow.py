@@ -3,8 +3,8 @@
     m_p(t) = max(f_p(t), 0),        R(t) = sum_p m_p(t),        M(t) = int_0^t R
 
 f_p is the flux into the fluid through piece p. R is linear between the times at which f is given and those
-at which some f_p changes its sign. So M is known in closed form, and so is the time by which a given mass has
-come in: births follow from it by inversion, and none is drawn in vain.
+at which some f_p changes its sign. So M is known in closed form, and so is the time by which a given mass
+has come in: births follow from it by inversion, and none is drawn in vain.
 """
 
 from __future__ import annotations

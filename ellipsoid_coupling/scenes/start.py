@@ -17,7 +17,6 @@ from ellipsoid_coupling.scenes.values import (
     require_interval,
 )
 
-
 # The copy of start.file in a run's folder, by which run.toml calls it.
 KEPT_START = "start.nc"
 

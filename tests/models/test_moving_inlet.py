@@ -92,13 +92,11 @@ def test_as_many_particles_come_in_as_the_fluid_carries(
     assert result.attributes["mass_came_in"] == came_in[-1] / start
     for count, until in zip(came_in, TIMES, strict=True):
         expected = fed(factor, until) * start
-        assert abs(count - expected) <= (
-            4.0 * np.sqrt(expected) if model == "microscopic" else 1.0
-        )
+        assert abs(count - expected) <= (4.0 * np.sqrt(expected) if model == "microscopic" else 1.0)
 
 
 def test_newborn_particles_move_with_the_fluid_of_their_birth() -> None:
-    """Within a hundredth of the last save: the fluid's velocity by 1/200 of its change, and at its place."""
+    """What has come in last: its velocity is the fluid's, but for 1/200 of its change; its place, too."""
     result = ec.simulate(scene(), "microscopic", flow=flow(pulsating))
     x, y, fate = (result.variables[name] for name in ("x", "y", "fate"))
     young = (fate[-1] == 0) & (x[-1] < 0.03)
@@ -138,7 +136,7 @@ def test_grids_take_in_what_the_fluid_carries(
 
 
 def turned_back() -> float:
-    """Int max(-A, 0) dt to the last save: the channel is so long that all of this is of the inlet's density."""
+    """Int max(-A, 0) dt to the last save; all of it has the inlet's density, as the channel is long."""
     t = np.linspace(0.0, TIMES[-1], 100_001)
     values = np.interp(t, NODES, turning(NODES), period=PERIOD)
     return float(np.trapezoid(np.maximum(-values, 0.0), t))

@@ -104,6 +104,6 @@ def test_strong_drag_takes_the_fluid_of_each_steps_middle(model: str) -> None:
 
 
 def test_the_balanced_scheme_ends_a_step_in_the_fluid_of_its_end() -> None:
-    """At gamma = 400 the mean velocity is that of the fluid less U'/gamma, 0.01; a step is longer than that."""
+    """At gamma = 400 the mean velocity lags by U'/gamma, 0.01, and by no part of a step beside that."""
     velocity, _ = errors("q_maxwellian", "accurate", 400.0, 0.8)
     assert velocity < 2e-3

@@ -61,7 +61,7 @@ def beside(result: Result, width: float = 0.15) -> float:
 def test_a_symmetric_flow_gives_a_symmetric_density_that_walls_keep_off(
     model: str, scheme: Any
 ) -> None:
-    """In solids 0 to the bit, mass to rounding; y and -y are summed in another order, which steps stretch."""
+    """In solids 0 to the bit, mass to rounding; y and -y are summed in another order, so 1e-7."""
     flow = past_cylinder()
     result = ec.simulate(scene(), model, scheme, flow=flow)
     density, x = result.cell_density()[-1], result.coordinates["x"]

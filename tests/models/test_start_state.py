@@ -56,7 +56,9 @@ def test_tracers_that_start_with_the_fluid_turn_rigidly() -> None:
     points = {"start.points": [[0.3, 0.0, 0.4], [0.0, -0.2, 0.1]], "particles.number": 2}
     angles = []
     for velocity in ("fluid", "rest"):
-        own = ec.load_scene(TABLE, points | {"start.velocity": velocity, "numerics.tolerance": 1e-8})
+        own = ec.load_scene(
+            TABLE, points | {"start.velocity": velocity, "numerics.tolerance": 1e-8}
+        )
         angles.append(ec.simulate(own, "microscopic").variables["angle"][-1, 0])
     assert angles[0] == pytest.approx([0.1, -0.2], abs=1e-9)
     assert (np.abs(angles[1] - angles[0]) > 0.05).all()
@@ -85,7 +87,9 @@ def test_a_state_goes_on_as_it_was(model: str, scheme: Any, tmp_path: Path) -> N
         assert np.abs(after.variables[name][-1] - values[-1])[held].max() < 1e-7 * size, name
     if before.layout != "particles":
         assert before.attributes["mass_left"] > 0.01
-        assert after.attributes["mass_start"] == pytest.approx(before.attributes["mass_end"], rel=1e-14)
+        assert after.attributes["mass_start"] == pytest.approx(
+            before.attributes["mass_end"], rel=1e-14
+        )
 
 
 def test_two_halves_are_a_whole(tmp_path: Path) -> None:
@@ -156,8 +160,8 @@ def test_a_run_keeps_what_it_started_from(tmp_path: Path) -> None:
             raise Stop
 
     whole = ec.simulate(own, "microscopic")
+    place = ec.RunFolder(tmp_path / "run", checkpoint_seconds=0.0)
     with pytest.raises(Stop):
-        place = ec.RunFolder(tmp_path / "run", checkpoint_seconds=0.0)
         ec.simulate(own, "microscopic", folder=place, report=stop)
     (tmp_path / "first" / "result.nc").unlink()
     resumed = ec.simulate(own, "microscopic", folder=ec.RunFolder(tmp_path / "run", resume=True))
@@ -192,12 +196,13 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             ec.simulate(going_on(tmp_path / folder, **changes), model)
-    for changes, message in (
+    others: list[tuple[dict[str, Any], str]] = [
         ({"start__points": [[0.0, 0.0]] * 20}, "file alone"),
         ({"start__velocity": "fluid"}, "file alone"),
-    ):
+    ]
+    for other, message in others:
         with pytest.raises(InputError, match=message):
-            going_on(tmp_path / "p", **changes)
+            going_on(tmp_path / "p", **other)
     with pytest.raises(InputError, match=r'\[flow\] with start.velocity = "fluid"'):
         scene(flow=None, start__velocity="fluid")
     (tmp_path / "rho" / "result.nc").write_bytes(b"x" * 100)

@@ -22,7 +22,7 @@ def inflow() -> Inflow:
 def rates(t: Floats) -> Floats:
     """Of each piece, (n, 4)."""
     columns = [np.interp(t, TIMES, FLUX[WHICH, p]) for p in range(FLUX.shape[1])]
-    return np.maximum(np.stack(columns, axis=-1), 0.0)
+    return np.asarray(np.maximum(np.stack(columns, axis=-1), 0.0))
 
 
 def test_the_mass_is_the_integral_of_what_comes_in() -> None:

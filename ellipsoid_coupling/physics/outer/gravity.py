@@ -34,7 +34,7 @@ def _energy(gravity: Gravity, x: float, y: float) -> float:
 
 
 @inline_kernel
-def _force(gravity: Gravity, x: float, y: float) -> tuple[float, float]:
+def _force(gravity: Gravity, x: float, y: float) -> tuple[float, float]:  # noqa: ARG001
     return gravity.x, gravity.y
 
 
@@ -56,7 +56,7 @@ register_formula(outer_force, WithGravity, _sum_of_forces)
 
 
 def scene_outer(scene: Scene) -> Record | None:
-    """What pulls at a scene's particles by their place alone: its outer potential, gravity, both or None."""
+    """What pulls at particles by their place alone: a scene's outer potential, gravity, both or None."""
     outer, part = scene.outer_potential, scene.gravity
     if part is None:
         return outer

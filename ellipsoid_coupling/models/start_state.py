@@ -106,14 +106,18 @@ def _particles(setup: Setup, earlier: Earlier) -> Moving:
 
 
 def _require_in_domain(scene: Scene, earlier: Earlier) -> None:
-    for axis, (low, high) in (("x", scene.domain.x), ("y", scene.domain.y)):
-        place = earlier.variables[axis]
-        outside = (place < low) | (place > high)
-        if outside.any():
+    """Refuse particles beyond sides that none can pass."""
+    x, y = earlier.variables["x"], earlier.variables["y"]
+    (left, right), (bottom, top) = scene.domain.x, scene.domain.y
+    beyond = {"left": x < left, "right": x > right, "bottom": y < bottom, "top": y > top}
+    for name, side in scene.sides.items():
+        outside = beyond[name]
+        if side.particles != "leave" and outside.any():
+            first = float(x[outside][0]), float(y[outside][0])
             raise _refused(
-                scene, f"particles within domain.{axis} {[low, high]}",
-                f"{np.count_nonzero(outside)} of {place.size} outside, one at {axis} = "
-                f"{float(place[outside][0]):.6g}, in {earlier.where}",
+                scene, "particles within the domain, whose sides cannot be left",
+                f"{np.count_nonzero(outside)} of {x.size} beyond the {name}, the first at "
+                f"({first[0]:.6g}, {first[1]:.6g}), in {earlier.where}",
                 "Make the domain larger, or give another result.",
             )  # fmt: skip
 
@@ -219,8 +223,14 @@ def _earlier_cells(setup: Setup, earlier: Earlier, grid: QGrid) -> Values:
 
 
 def _binned(scene: Scene, earlier: Earlier, grid: QGrid) -> Values:
-    """Particles counted in cells: their density, and the means of angle and velocities."""
-    plane, values = grid.plane, {name: v.ravel() for name, v in earlier.variables.items()}
+    """Particles counted in cells: their density, and the means of angle and velocities.
+
+    Those beyond an open side have left.
+    """
+    plane, (x, y) = grid.plane, (earlier.variables["x"], earlier.variables["y"])
+    (left, right), (bottom, top) = scene.domain.x, scene.domain.y
+    inside = (left <= x) & (x <= right) & (bottom <= y) & (y <= top)
+    values = {name: v[inside] for name, v in earlier.variables.items()}
     i = np.clip(np.searchsorted(plane.x_edges, values["x"], "right") - 1, 0, plane.nx - 1)
     j = np.clip(np.searchsorted(plane.y_edges, values["y"], "right") - 1, 0, plane.ny - 1)
     angle = values["angle"] - scene.start.turns

@@ -26,9 +26,10 @@ Floats = NDArray[np.float64]
 
 WALL = {"cylinder": {"kind": "reflect"}}
 GRIDS = [
-    (model, scheme)
-    for model in ("rho_mono_kinetic", "q_mono_kinetic", "q_maxwellian")
-    for scheme in ("accurate", "paper")
+    ("rho_mono_kinetic", "accurate"),
+    ("q_mono_kinetic", "paper"),
+    ("q_maxwellian", "accurate"),
+    ("q_maxwellian", "paper"),
 ]
 
 

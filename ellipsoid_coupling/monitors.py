@@ -60,7 +60,8 @@ class Monitors:
         rates = scene_rates(setup)
         self._damping = float(rates.damping[0]), float(rates.damping[-1])
         self._noise = float(rates.amplitude[0]), float(rates.amplitude[-1])
-        self.forces = model.health().forces
+        start = model.health()
+        self.forces, self._start_speeds = start.forces, start.speeds
 
     def look(self, model: Model) -> None:
         """Check the model once.
@@ -100,7 +101,7 @@ class Monitors:
             damping, noise = self._damping[k], self._noise[k]
             longest = 1.0 / damping if damping > 0.0 else now
             thermal = noise / math.sqrt(2.0 * damping) if noise > 0.0 else 0.0
-            limit = _SAFETY * (self.forces[k] * longest + thermal)
+            limit = _SAFETY * (self.forces[k] * longest + thermal + self._start_speeds[k])
             if health.speeds[k] > limit:
                 return (
                     f"a root mean square {what} of {health.speeds[k]:.3g} is beyond what forces of "

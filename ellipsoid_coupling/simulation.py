@@ -46,10 +46,12 @@ from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.monitors import Monitors, Pace
 from ellipsoid_coupling.result import MARKS, VARIABLES, Result, further_text
 from ellipsoid_coupling.scenes import Scene, load_scene
+from ellipsoid_coupling.scenes.start import KEPT_START
 from ellipsoid_coupling.storage import checkpoint
 from ellipsoid_coupling.storage.checkpoint import Progress
 from ellipsoid_coupling.storage.run_flow import run_flow
 from ellipsoid_coupling.storage.run_folder import CHECKPOINT_FILE, Keeper, RunFolder
+from ellipsoid_coupling.storage.start_file import earlier_state, keep_start
 
 Report = Callable[[str, float], None]
 
@@ -133,6 +135,7 @@ def simulate(
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     kept_in = RunFolder(Path(folder)) if isinstance(folder, str | Path) else folder
     setup = checked_setup(scene, model, scheme, seed, realisations)
+    setup = replace(setup, earlier=earlier_state(scene, kept_in))
     if kept_in is not None:
         kept_in.check()
         kept_in.check_same(*identity(model, setup))
@@ -208,7 +211,10 @@ def identity(name: str, setup: Setup) -> tuple[dict[str, object], dict[str, obje
     }
     if setup.first_realisation:
         run["first_realisation"] = setup.first_realisation
-    return run, setup.scene.model_dump(mode="json", exclude_none=True)
+    parts = setup.scene.model_dump(mode="json", exclude_none=True)
+    if setup.earlier is not None:
+        run["start_digest"], parts["start"]["file"] = setup.earlier.digest, KEPT_START
+    return run, parts
 
 
 @dataclass
@@ -235,6 +241,7 @@ class _Run:
             if self.folder is not None:
                 parts = identity(self.name, self.setup)
                 claim.enter_context(self.folder.claimed(*parts, self.flow))
+                keep_start(self.setup.scene, self.folder)
                 if self.folder.resume and (finished := _finished(self.folder)) is not None:
                     return finished
                 self._load_checkpoint(self.folder)
@@ -270,8 +277,7 @@ class _Run:
     def _seconds(self) -> NDArray[np.float64]:
         """Wall seconds without compiling, and compiling seconds, earlier parts included."""
         compiling = self.compiling.seconds
-        running = self._spent() - compiling
-        return np.asarray(self.earlier + np.array([running, compiling]))
+        return np.asarray(self.earlier + np.array([self._spent() - compiling, compiling]))
 
     def _keep(self, slow: str | None) -> None:
         """Write a checkpoint if one is due or the run must end here."""
@@ -314,7 +320,7 @@ class _Run:
         progress = checkpoint.unpack(arrays, self.model, times, where)
         if self.window.move_to(self.model.time):
             # Once more, in the flow of that time, from which a part of the state may follow.
-            progress = checkpoint.unpack(arrays, self.model, times, where)
+            self.model.restore(checkpoint.state_of(arrays))
         self.snapshots, self.earlier, self.monitors.forces = progress
         try:
             self.monitors.look(self.model)
@@ -323,28 +329,26 @@ class _Run:
                 where, "the state of a sound run", str(error), "Remove it to start again."
             ) from None
 
-    def _resolution(self) -> str:
-        setup = self.setup
-        return resolution_text(self.name, setup.scheme, setup.scene, setup.realisations)
-
     def _finish(self, status: str) -> Result:
         wall, compiling = self._seconds()
-        kind = kind_named(self.name)
+        setup, kind = self.setup, kind_named(self.name)
         result = Result(
-            scene=self.setup.scene,
+            scene=setup.scene,
             model=self.name,
-            scheme=self.setup.scheme,
+            scheme=setup.scheme,
             layout=kind.layout,
-            times=np.array(self.setup.scene.times[: len(self.snapshots)]),
+            times=np.array(setup.scene.times[: len(self.snapshots)]),
             variables=_stack(self.snapshots or [self.model.snapshot()], len(self.snapshots)),
             coordinates=self.model.coordinates(),
             attributes={
                 "status": status,
-                "seed": self.setup.seed,
-                **_first(self.setup.first_realisation),
-                "resolution": self._resolution(),
-                "flow": self.setup.flow.origin if self.setup.flow else "none",
-                "flow_digest": self.setup.flow.digest if self.setup.flow else "none",
+                "seed": setup.seed,
+                **_first(setup.first_realisation),
+                "resolution": resolution_text(
+                    self.name, setup.scheme, setup.scene, setup.realisations
+                ),
+                "flow": setup.flow.origin if setup.flow else "none",
+                "flow_digest": setup.flow.digest if setup.flow else "none",
                 "package_version": version("ellipsoid_coupling"),
                 **self.model.counts(),
                 **further_text(kind.variables),

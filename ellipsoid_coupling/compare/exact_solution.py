@@ -19,7 +19,7 @@ from ellipsoid_coupling.interaction.particle_forces import Drift, particle_force
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
 from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges, scene_rates
-from ellipsoid_coupling.models.particle_model import resting, scene_limits
+from ellipsoid_coupling.models.particle_model import placed, scene_limits
 from ellipsoid_coupling.models.particle_reports import particle_snapshot
 from ellipsoid_coupling.particles.at_edges import straight_at_edges
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
@@ -41,7 +41,8 @@ def has_exact_reference(scene: Scene) -> bool:
     if scene.has_inflow:
         return False
     noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    return scene.interaction is None and not noisy and scene.start.points is None
+    box = scene.start.points is None and scene.start.file is None
+    return scene.interaction is None and not noisy and box
 
 
 @kernel
@@ -154,7 +155,7 @@ def exact_reference(scene: Scene, flow: FlowField | None, side: int = 256) -> Re
         raise InputError(
             f"scene {scene.name}",
             "no interaction, no noise, no inlet and a start box",
-            "interaction, noise, an inlet or start.points",
+            "interaction, noise, an inlet, start.points or start.file",
             "Compare with the microscopic ensemble instead.",
         )
     require_fitting(scene, flow)
@@ -171,7 +172,7 @@ def _exact(scene: Scene, window: Window, side: int) -> Result:
     terms = scene_drift(setup, edges), scene_rates(setup).damping, limits
     damping = terms[1]
     place = _sample_points(scene, side, damping.size)
-    state = resting(setup, edges, place, np.empty((1, 0)))
+    state = placed(setup, edges, place, np.empty((1, 0)))
     longest = min(_LARGEST_STEP, _LARGEST_DAMPED_STEP / max(float(damping.max()), 1e-9))
     snapshots: list[Arrays] = []
     before = 0.0

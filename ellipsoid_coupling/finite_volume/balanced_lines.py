@@ -158,15 +158,18 @@ def set_line_work(forces: LineForces, whole: LineFields, out: Floats) -> None:
 
 
 class Balance(NamedTuple):
-    """What both stages share: the work of the forces (2, cells of all lines), limits, and the stage."""
+    """The work of the forces (2, cells of all lines) in either stage; limits and the stage's numbers.
 
-    work: Floats
+    Both stages have the same work, but in a flow that changes that of the step's start and of its end.
+    """
+
+    works: tuple[Floats, Floats]
     limits: Limits
     stage: Stage
 
 
 @inline_kernel
-def _forced_line(balance: Balance, line: Line, density: Floats) -> Forced:
+def _forced_line(work: Floats, limits: Limits, line: Line, density: Floats) -> Forced:
     """Of a line whose density, ghosts included, is row 0 of (K, n)."""
     around = (
         rows_at(density, (DENSITY,), GHOSTS - 1)
@@ -174,13 +177,13 @@ def _forced_line(balance: Balance, line: Line, density: Floats) -> Forced:
         + rows_at(density, (DENSITY,), GHOSTS + 1)
     )
     first = line.slot + GHOSTS
-    up = rows_at(balance.work, (_TILT, _REST), first)
-    return Forced(around, up, rows_at(balance.work, (_TILT, _REST), first - 1), balance.limits)
+    up = rows_at(work, (_TILT, _REST), first)
+    return Forced(around, up, rows_at(work, (_TILT, _REST), first - 1), limits)
 
 
 @kernel
 def _balance_line(
-    flux: Flux,
+    fluxes: tuple[Flux, Flux],
     whole: LineFields,
     line: Line,
     balance: Balance,
@@ -189,30 +192,34 @@ def _balance_line(
 ) -> tuple[float, float]:
     """Both stages of a line, which is in the first of `rooms`: now, before, and in between."""
     now, before, middle = rooms
-    ratio, stage = balance.stage.ratio, balance.stage
+    ratio, stage, limits = balance.stage.ratio, balance.stage, balance.limits
     cells, n = rows_at(now, whole.each, 0), line.length
     fill_line_ends(whole, line, now)
     copy_cells(cells, rows_at(before, whole.each, 0), (1, 1), n + 2 * GHOSTS)
-    first = sweep_line(flux, whole, line, ratio, now, scratch)
+    first = sweep_line(fluxes[0], whole, line, ratio, now, scratch)
     m, moved = rows_at(before, (ALONG,), GHOSTS), rows_at(now, (ALONG,), GHOSTS)
-    push_row(_forced_line(balance, line, before), m, moved, n, stage)
+    push_row(_forced_line(balance.works[0], limits, line, before), m, moved, n, stage)
     fill_line_ends(whole, line, now)
     copy_cells(cells, rows_at(middle, whole.each, 0), (1, 1), n + 2 * GHOSTS)
-    second = sweep_line(flux, whole, line, ratio, now, scratch)
+    second = sweep_line(fluxes[1], whole, line, ratio, now, scratch)
     m1, olds = rows_at(middle, (ALONG,), GHOSTS), rows_at(before, whole.each, GHOSTS)
     news = rows_at(now, whole.each, GHOSTS)
-    combine_row(_forced_line(balance, line, middle), m1, olds, news, n, stage)
+    forced = _forced_line(balance.works[1], limits, line, middle)
+    combine_row(forced, m1, olds, news, n, stage)
     # Both stages' transports count half.
     return 0.5 * (first[LOW] + second[LOW]), 0.5 * (first[HIGH] + second[HIGH])
 
 
 @parallel_kernel
 def _balance_lines(
-    tasks: int, count: int, arguments: tuple[Flux, LineFields, Balance], gone: Floats
+    tasks: int,
+    count: int,
+    arguments: tuple[tuple[Flux, Flux], LineFields, Balance],
+    gone: Floats,
 ) -> None:
     packed = pack(arguments)
     for task in numba.prange(tasks):
-        flux, whole, balance = unpack(packed)
+        fluxes, whole, balance = unpack(packed)
         room = line_room(whole)
         rooms = room, np.zeros(room.shape), np.zeros(room.shape)
         scratch = row_scratch(room.shape[1])
@@ -220,17 +227,22 @@ def _balance_lines(
         for number in range(begin, end):
             line = line_of(whole, number)
             if take_line(whole, line, room) or carries(whole, line):
-                left = _balance_line(flux, whole, line, balance, rooms, scratch)
+                left = _balance_line(fluxes, whole, line, balance, rooms, scratch)
                 gone[number, LOW], gone[number, HIGH] = left
                 put_line(whole, line, room)
 
 
-def balance_lines(flux: Flux, whole: LineFields, balance: Balance, boundaries: int) -> Floats:
-    """Both stages along one axis, in place; the mass that has left through each boundary, (boundaries,)."""
+def balance_lines(
+    fluxes: tuple[Flux, Flux], whole: LineFields, balance: Balance, boundaries: int
+) -> Floats:
+    """Both stages along one axis, each with its flux, in place.
+
+    Returns the mass that has left through each boundary, (boundaries,).
+    """
     tasks, count = tasks_for(whole)
     gone = np.zeros((count, 2))
     with small_chunks(tasks):
-        _balance_lines(tasks, count, (flux, whole, balance), gone)
+        _balance_lines(tasks, count, (fluxes, whole, balance), gone)
     return by_boundary(gone, whole, boundaries)
 
 

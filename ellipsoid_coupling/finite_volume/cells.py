@@ -221,6 +221,9 @@ class CellFields:
             self._transport_in_plane(make_flux(self.transported(-1, dt)), first == -1, dt)
         else:
             follows = self._follows(dt) if drifts else 0.0
+            if self.moving_lines is not None:
+                # The lines have the fluid of the step's middle.
+                self.set_terms(0.5 * (self.time + self.after))
             fluid = self.lines.fluid(first, follows, second=False)
             moved = self.transported(first, dt)._replace(fluid=fluid)
             self._settle(follows)

@@ -156,28 +156,29 @@ def line_motion(
     # Whole vectors are read beyond the last line.
     pairs = np.zeros((2, table.size + 2 * DOUBLES))
     pairs[:, table.slots()] = by_row[:, row, place]
-    for number in range(table.length.size):
-        _set_ghosts(pairs, table, number, kinds)
+    set_ghosts((pairs[0], pairs[1]), table, kinds)
     return FluidMotion(pairs[0], pairs[1], 0.0, 0.0)
 
 
-def _set_ghosts(pairs: Floats, table: LineTable, number: int, kinds: tuple[object, ...]) -> None:
-    first = table.slot[number] + GHOSTS
-    last = first + table.length[number] - 1
-    for end, edge, inwards in ((LOW, first, 1), (HIGH, last, -1)):
-        other = last if end == LOW else first
-        kind = kinds[table.kind[number, end]]
-        through = pairs[end, edge]
-        for layer in range(GHOSTS):
-            image = edge + inwards * min(layer, int(table.length[number]) - 1)
-            to = edge - inwards * (layer + 1)
-            if table.ring[number]:
-                pairs[:, to] = pairs[:, other - inwards * layer]
-            elif at_side(kind) == "reflect":
-                pairs[:, to] = -pairs[::-1, image]
-            elif through * inwards <= 0.0:
-                pairs[:, to] = pairs[:, edge]
-            elif isinstance(kind, Inlet):
-                pairs[:, to] = through
-            else:
-                pairs[:, to] = -pairs[::-1, image]
+def set_ghosts(faces: tuple[Floats, Floats], table: LineTable, kinds: tuple[object, ...]) -> None:
+    """The ghosts' fluid at the lower and the upper faces of all lines, in place; see `line_motion`."""
+    reflects = np.array([at_side(kind) == "reflect" for kind in kinds])[table.kind]
+    feeds = np.array([isinstance(kind, Inlet) for kind in kinds])[table.kind]
+    first = table.slot + GHOSTS
+    last = first + table.length - 1
+    # Layer by layer: the second one of a ring of one cell is the other end's first.
+    for layer in range(GHOSTS):
+        for end, edge, other, inwards in ((LOW, first, last, 1), (HIGH, last, first, -1)):
+            image = edge + inwards * np.minimum(layer, table.length - 1)
+            beyond = other - inwards * layer
+            through = faces[end][edge]
+            copied = through * inwards <= 0.0
+            held = []
+            for face in (LOW, HIGH):
+                mirrored = -faces[1 - face][image]
+                comes_in = np.where(feeds[:, end], through, mirrored)
+                open_end = np.where(copied, faces[face][edge], comes_in)
+                closed = np.where(reflects[:, end], mirrored, open_end)
+                held.append(np.where(table.ring, faces[face][beyond], closed))
+            for face in (LOW, HIGH):
+                faces[face][edge - inwards * (layer + 1)] = held[face]

@@ -133,8 +133,8 @@ class FluidLines(NamedTuple):
     tables : dict
         The lines along each axis, -1 and -2.
     carried : dict
-        What the fluid carries of a density 1 through faces where it comes in, (K, rows planes) along each
-        axis, in the flux's order, plane by plane; row 0 is of all other faces.
+        What the fluid carries of a density 1 through faces at inlets, (K, rows planes) along each axis, in
+        the flux's order, plane by plane; row 0 is of all other faces.
     motion : dict
         The fluid along each axis, flat like the lines, of a step that follows it; None without a fluid.
     fastest : float
@@ -151,7 +151,7 @@ class FluidLines(NamedTuple):
 
     @property
     def has_inflow(self) -> bool:
-        """Whether the fluid carries anything in."""
+        """Whether the fluid may carry anything in."""
         return any((table.carried > 0).any() for table in self.tables.values())
 
     @property

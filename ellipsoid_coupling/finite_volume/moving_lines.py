@@ -1,6 +1,7 @@
 """The fluid along the lines of a staircase in a flow that is linear in time: at both ends, and their mean.
 
-A step takes the fluid of its middle, with which it is of second order.
+A step takes the fluid of its middle, with which it is of second order. So does what the fluid carries in.
+Ghosts at open ends depend on which way the fluid goes, and follow from the mean.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from ellipsoid_coupling.compiled.jit import plain
-from ellipsoid_coupling.finite_volume.fluid_lines import FluidLines
+from ellipsoid_coupling.finite_volume.fluid_faces import set_ghosts
+from ellipsoid_coupling.finite_volume.fluid_lines import FluidLines, LineTable
 from ellipsoid_coupling.flow.interval import END, START, Interval, blend, part_of
 
 
 class MovingLines:
-    """Keeps the motion of some `FluidLines` at the time that is asked for, in place.
+    """Keeps motion and inflow of some `FluidLines` at the time that is asked for, in place.
 
     Parameters
     ----------
@@ -35,7 +37,19 @@ class MovingLines:
         self._span = interval.span.copy()
         self._first, self._last = (lines_at(float(self._span[k])) for k in (START, END))
         self.lines = lines_at(float(self._span[START]))
+        self._open = {axis: self._with_open_ends(axis) for axis in self.lines.tables}
         self._note_fastest()
+
+    def _with_open_ends(self, axis: int) -> LineTable:
+        """The lines that fluid may pass an end of; ghosts of all others are linear in time as well."""
+        table, lines = self.lines.tables[axis], self.lines
+        passed = np.array(lines.is_passed)[table.boundary].any(axis=1) & ~table.ring
+        return table._replace(
+            slot=table.slot[passed],
+            length=table.length[passed],
+            ring=table.ring[passed],
+            kind=table.kind[passed],
+        )
 
     def set(self, t: float) -> None:
         """Bring the lines to a time of the interval."""
@@ -46,6 +60,9 @@ class MovingLines:
             if now is not None and first is not None and last is not None:
                 np.copyto(now.lower, blend(part, first.lower, last.lower))
                 np.copyto(now.upper, blend(part, first.upper, last.upper))
+                set_ghosts((now.lower, now.upper), self._open[axis], self.lines.kinds)
+        for axis, carried in self.lines.carried.items():
+            np.copyto(carried, blend(part, self._first.carried[axis], self._last.carried[axis]))
 
     def _meet_interval(self) -> None:
         span = self._interval.span

@@ -8,13 +8,14 @@ value at each cell.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import plain
-from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
+from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.flow.interval import END, START, Interval, blend, part_of
-from ellipsoid_coupling.physics.drift import External
 
 Floats = NDArray[np.float64]
 
@@ -24,19 +25,20 @@ class MovingTables:
 
     Parameters
     ----------
-    external : External
-        Whose fluid flows in this `interval`.
+    tables_at : (time) -> steady, turning
+        Those of `CellTerms` in the flow at a time.
     interval : Interval
         May be moved on in place between two steps.
-    x, y : (nx,), (ny,) float64
-        The cells' centres.
     terms : CellTerms
     """
 
     def __init__(
-        self, external: External, interval: Interval, x: Floats, y: Floats, terms: CellTerms
+        self,
+        tables_at: Callable[[float], tuple[Floats, Floats]],
+        interval: Interval,
+        terms: CellTerms,
     ) -> None:
-        self._external, self._interval, self._centres = external, interval, (x, y)
+        self._at, self._interval = tables_at, interval
         self._terms = terms
         self._span = interval.span.copy()
         self._time = np.nan
@@ -63,6 +65,3 @@ class MovingTables:
         self._last = self._at(float(span[END]))
         self._span = span.copy()
         return True
-
-    def _at(self, t: float) -> tuple[Floats, Floats]:
-        return cell_tables(self._external, t, *self._centres)

@@ -282,5 +282,7 @@ class OverdampedHeun(_Overdamped):
         cells.turn(self._limit, dt)
         cells.transport_all(self._make_flux, axes, dt, drifts)
         if cells.lines is not None and drifts:
-            # What makes up for the change on the way has been flown; that of the forces is left.
+            # What makes up for the change on the way, and in the fluid, has been flown; that of the forces
+            # is left.
+            cells.set_terms(cells.after)
             cells.treat(self._limit, cells.drift_in_plane(), fresh=True)

@@ -45,7 +45,7 @@ from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms
 from ellipsoid_coupling.finite_volume.cell_forces import AngleGridForces
 from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
-from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
+from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
     WORK_AT,
@@ -106,6 +106,11 @@ class WellBalancedHeun:
         self._middle = np.empty((2, *system.fields.shape[1:]))
         # Tilt and rest along each axis, where there is no work 1 and 0.
         self._works = {axis: self._no_work(axis) for axis in system.axes}
+        # On a staircase in a flow that changes, also those of the step's end.
+        moves = system.moving_lines is not None
+        self._works_after = (
+            {axis: self._no_work(axis) for axis in (-1, -2)} if moves else self._works
+        )
 
     def _no_work(self, axis: int) -> Floats:
         """Of the fields' cells, or of those of the lines along an axis of a staircase."""
@@ -251,24 +256,26 @@ class WellBalancedHeun:
         self, axis: int, steady: tuple[Floats, Floats], potential: Floats | None, dt: float
     ) -> None:
         """Both stages along x or y of a staircase."""
-        system, lines, work = self._system, self._system.lines, self._works[axis]
+        system, lines = self._system, self._system.lines
         assert lines is not None
         whole = self._lines_along(axis)
         planes, ny, nx = system.grid.shape
         kinds = np.array([at_side(kind) == "reflect" for kind in lines.kinds])
         distinct, there = (1, ()) if potential is None else (potential.shape[0], (0,))
-        # Both stages take the mean of the start and the end: second order as well.
-        force = steady[0] if steady[1] is steady[0] else 0.5 * (steady[0] + steady[1])
-        forces = LineForces(
-            force[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
-            (ny * nx, nx, 1) if axis == -1 else (ny * nx, 1, nx), kinds[whole.lines.kind],
-            (0.5 * system.grid.width(axis), self._weight(axis)),
-        )  # fmt: skip
-        set_line_work(forces, whole, work)
-        flux = self._make_flux(system.transported(axis, dt)._replace(tilt=work[0]))
+        works = self._works[axis], self._works_after[axis]
+        fluxes: list[Flux] = []
+        for force, work in zip(steady, works, strict=True):
+            forces = LineForces(
+                force[-1 - axis], potential, (planes, distinct), there, whole.lines.rows,
+                (ny * nx, nx, 1) if axis == -1 else (ny * nx, 1, nx), kinds[whole.lines.kind],
+                (0.5 * system.grid.width(axis), self._weight(axis)),
+            )  # fmt: skip
+            if not fluxes or work is not works[0]:
+                set_line_work(forces, whole, work)
+            fluxes.append(self._make_flux(system.transported(axis, dt)._replace(tilt=work[0])))
         limits = Limits(system.smooth_part(axis), system.vacuum)
-        balance = Balance(work, limits, self._stage(axis, dt))
-        system.outflow += balance_lines(flux, whole, balance, system.outflow.size)
+        balance = Balance(works, limits, self._stage(axis, dt))
+        system.outflow += balance_lines((fluxes[0], fluxes[1]), whole, balance, system.outflow.size)
         system.extents = system.swept_extents(axis)
 
     def _lines_along(self, axis: int) -> LineFields:

@@ -287,6 +287,13 @@ class FlowField(FlowMethods):
         """The flow at each of the times that it is given at: once."""
         yield self
 
+    def given_times(self, until: float) -> tuple[Array, NDArray[np.int64]]:
+        """Times that hold [0, until] at which it is given, linear in between, (n,) with n >= 2.
+
+        And which of `steady_fields` each of them is, (n,).
+        """
+        return np.array([0.0, until]), np.zeros(2, np.int64)
+
     @functools.cached_property
     def largest_speed(self) -> float:
         """The largest speed inside the flow's rectangle, on a grid of points."""

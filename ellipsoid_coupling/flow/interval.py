@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,9 @@ from ellipsoid_coupling.compiled.dispatch import chosen_by_type, register_formul
 from ellipsoid_coupling.compiled.jit import inline_kernel, plain
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
+
+if TYPE_CHECKING:
+    from ellipsoid_coupling.flow.series import FlowSeries
 
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float, float, float, bool]
@@ -114,17 +117,17 @@ class MovingFlow(FlowField):
     Attributes
     ----------
     interval : Interval
-    series_digest : str
-        Of all times together.
+    series : FlowSeries
+        The flow at all times.
     """
 
     interval: Interval = field(kw_only=True)
-    series_digest: str = field(kw_only=True)
+    series: FlowSeries = field(kw_only=True)
 
     @functools.cached_property
     def digest(self) -> str:
         """That of the whole series."""
-        return self.series_digest
+        return self.series.digest
 
     @property
     def in_time(self) -> FlowArrays | Interval:
@@ -143,8 +146,12 @@ class MovingFlow(FlowField):
         return FlowField(first._replace(coefficients=mean), self.origin, self.outline)
 
     def steady_fields(self) -> Iterator[FlowField]:
-        """The flow at the interval's start."""
-        yield self.at(float(self.interval.span[START]))
+        """Those of the whole series."""
+        yield from self.series.steady_fields()
+
+    def given_times(self, until: float) -> tuple[Array, NDArray[np.int64]]:
+        """Those of the whole series."""
+        return self.series.given_times(until)
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> FlowSample:
         """Nothing: without a time there is no velocity. Raises RunError."""

@@ -221,6 +221,12 @@ class FlowSeries(FlowField):
         numbers = range(self.times.size - (1 if self.repeat else 0))
         yield from map(self._with, read_coefficients(self.path, numbers, self.times, self.digests))
 
+    def given_times(self, until: float) -> tuple[Array, NDArray[np.int64]]:
+        """As `FlowField.given_times`."""
+        numbers = np.arange(self.interval_at(0.0), self.interval_at(until) + 2)
+        fields = numbers % (self.times.size - 1) if self.repeat else numbers
+        return np.array([self.time_of(int(number)) for number in numbers]), fields
+
     def _with(self, coefficients: Array) -> FlowField:
         arrays = self.arrays._replace(coefficients=coefficients)
         return FlowField(arrays, self.origin, self.outline)

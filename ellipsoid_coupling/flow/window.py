@@ -97,7 +97,7 @@ class SeriesWindow(Window):
             series.origin,
             series.outline,
             interval=self._interval,
-            series_digest=series.digest,
+            series=series,
         )
         self._read_ahead()
 

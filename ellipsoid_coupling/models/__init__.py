@@ -5,6 +5,7 @@ is added by `register_model`. Both then run through `simulate` and the command l
 """
 
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Model, Setup
+from ellipsoid_coupling.models.earlier import Earlier
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind, Variable
 from ellipsoid_coupling.models.plan import model_terms, plan_flow, plan_patches, plan_terms
@@ -33,6 +34,7 @@ __all__ = [
     "SCHEMES",
     "Arrays",
     "Counts",
+    "Earlier",
     "FailureSite",
     "Health",
     "LineStyle",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.models.earlier import Earlier
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import ModelKind
 from ellipsoid_coupling.models.schemes import SchemeName
@@ -30,6 +31,7 @@ class Setup:
     take `flow.in_time`.
     The run holds `realisations` from number `first_realisation` on. Their numbers name their random
     numbers, so that a part of a large run has the bits that it has in the whole.
+    `earlier` is the state that start.file names, and None without it; see `start_state`.
     """
 
     scene: Scene
@@ -39,6 +41,7 @@ class Setup:
     seed: int
     realisations: int
     first_realisation: int = 0
+    earlier: Earlier | None = None
 
 
 class Health(NamedTuple):

@@ -77,13 +77,12 @@ def with_fates(
     slots = 0 if births is None else births.time.shape[1]
     fates = all_inside(blocks, number + slots)
     fates.code[:, number:] = NOT_YET
-    place = np.empty((blocks, degrees, number + slots))
-    place[:, :, :number] = start.place
+    place, velocity, still = np.zeros((3, blocks, degrees, number + slots))
+    place[:, :, :number], velocity[:, :, :number] = start.place, start.velocity
     if births is not None:
         place[:, :, number:] = births.place
-    still = np.zeros_like(place)
     frozen = (fates.code != INSIDE).astype(np.uint8)
-    return ParticleState(place, still, still.copy(), start.clock, None, frozen, fates, births)
+    return ParticleState(place, velocity, still, start.clock, None, frozen, fates, births)
 
 
 def start_count(state: ParticleState) -> int:

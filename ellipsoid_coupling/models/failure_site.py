@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-FLUID, OUTER, PAIRS, TORQUE = "the fluid", "V1", "interaction and walls", "the torque"
+FLUID, OUTER, PAIRS, TORQUE = "the fluid", "V1 and gravity", "interaction and walls", "the torque"
 
 
 class FailureSite(NamedTuple):

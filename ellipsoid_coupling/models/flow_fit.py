@@ -20,7 +20,7 @@ from ellipsoid_coupling.geometry.edge_grid import REFLECTS, edge_ends
 from ellipsoid_coupling.geometry.fluid_edges import FluidEdges, fluid_edges
 from ellipsoid_coupling.geometry.patches import is_outlined, require_patches
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.sides import SideName, keys_of
+from ellipsoid_coupling.scenes.sides import SideName
 
 Floats = NDArray[np.float64]
 
@@ -76,20 +76,8 @@ def require_fitting(scene: Scene, flow: FlowField | None) -> None:
     require_patches(scene, () if outline is None else outline.names)
     if flow is None:
         return
-    _require_steady_inlets(scene, flow)
     for field in flow.steady_fields():
         _require_edges(scene, field)
-
-
-def _require_steady_inlets(scene: Scene, flow: FlowField) -> None:
-    """Refuse an inlet in a flow that changes: what it will feed in is counted before a run."""
-    named = [name for name, part in (scene.boundaries or {}).items() if keys_of(part.kind).inflow]
-    if named and flow.at(0.0) is not flow:
-        raise InputError(
-            f"scene {scene.name}, key boundaries.{named[0]}.kind",
-            "no inlet in a flow that changes in time", "inlet",
-            'Take one time (flow.time = "latest" or a number), or another kind of boundary.',
-        )  # fmt: skip
 
 
 def _require_edges(scene: Scene, flow: FlowField) -> None:

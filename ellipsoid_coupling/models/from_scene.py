@@ -23,17 +23,23 @@ from ellipsoid_coupling.interaction.wall_lines import ghosts_along
 from ellipsoid_coupling.interaction.walls import GhostParticles
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.flow_fit import can_be_left
-from ellipsoid_coupling.models.staircase import Staircase
+from ellipsoid_coupling.models.staircase import Staircase, StairsAt
 from ellipsoid_coupling.particles.state import Rates
 from ellipsoid_coupling.physics.drift import EVERYWHERE, External, Fluid
+from ellipsoid_coupling.physics.outer import scene_outer
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
+from ellipsoid_coupling.scenes.sides import SIDES
 
 Floats = NDArray[np.float64]
 
 
-def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
+def scene_walls(
+    scene: Scene, shape: PotentialShape, stairs: Staircase | None = None
+) -> Walls | None:
     """The walls of a scene's domain with both kinds of ghosts; None without [walls].
+
+    Where patches bound the fluid of `stairs`, what a wall does is all that counts: see `curved_walls`.
 
     Raises
     ------
@@ -43,7 +49,8 @@ def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
     part = scene.walls
     if part is None or scene.interaction is None:
         return None
-    if not scene.wall_sides:
+    outlined = stairs is not None and stairs.outline is not None
+    if not scene.wall_sides and not outlined:
         raise InputError(
             f"scene {scene.name}, key walls.sides",
             "walls on sides of the domain, where no patches of a case bound the fluid",
@@ -52,7 +59,7 @@ def scene_walls(scene: Scene, shape: PotentialShape) -> Walls | None:
         )
     return Walls(
         domain=(scene.domain.x, scene.domain.y),
-        sides=scene.wall_sides,
+        sides=scene.wall_sides or SIDES,
         length=scene.particles.length,
         shape=shape,
         strength=scene.interaction.strength,
@@ -117,7 +124,7 @@ def scene_fluid(setup: Setup) -> Fluid | None:
 def scene_external(setup: Setup) -> External:
     """What acts on each particle, or cell, by itself; a term that the scene lacks is None."""
     scene = setup.scene
-    return External(scene_fluid(setup), scene.outer_potential, scene.angular_potential)
+    return External(scene_fluid(setup), scene_outer(scene), scene.angular_potential)
 
 
 def scene_drift(setup: Setup, edges: FluidEdges | None = None) -> Drift:
@@ -194,12 +201,7 @@ def scene_cell_terms(
     external, rates = scene_external(setup), scene_rates(setup)
     if stairs is None:
         require_cells_inside(setup, grid)
-    steady, turning = cell_tables(external, t, grid.x, grid.y)
-    if stairs is not None and external.fluid is not None:
-        still, _ = cell_tables(External(None, external.outer, None), t, grid.x, grid.y)
-        means = np.array([stairs.faces[axis].mean for axis in (-1, -2)])
-        steady = (still + external.fluid.drag * means) * stairs.cells.inside
-        turning = turning * stairs.cells.inside
+    steady, turning = _tables(external, t, grid, stairs)
     pushed = external.fluid is not None or external.outer is not None
     return CellTerms(
         steady=steady if pushed else None,
@@ -212,12 +214,31 @@ def scene_cell_terms(
     )
 
 
-def scene_moving_tables(setup: Setup, grid: Grid, terms: CellTerms) -> MovingTables | None:
+def _tables(
+    external: External, t: float, grid: Grid, stairs: Staircase | None
+) -> tuple[Floats, Floats]:
+    """`cell_tables`, on a staircase as `scene_cell_terms` says."""
+    steady, turning = cell_tables(external, t, grid.x, grid.y)
+    if stairs is None or external.fluid is None:
+        return steady, turning
+    still, _ = cell_tables(External(None, external.outer, None), t, grid.x, grid.y)
+    means = np.array([stairs.faces[axis].mean for axis in (-1, -2)])
+    inside = stairs.cells.inside
+    return (still + external.fluid.drag * means) * inside, turning * inside
+
+
+def scene_moving_tables(
+    setup: Setup, stairs_at: StairsAt, grid: Grid, terms: CellTerms
+) -> MovingTables | None:
     """What brings the `terms` of an r-grid to a time; None where nothing changes."""
     external = scene_external(setup)
     if external.fluid is None or not isinstance(external.fluid.flow, Interval):
         return None
-    return MovingTables(external, external.fluid.flow, grid.x, grid.y, terms)
+
+    def tables_at(t: float) -> tuple[Floats, Floats]:
+        return _tables(external, t, grid, stairs_at(t))
+
+    return MovingTables(tables_at, external.fluid.flow, terms)
 
 
 def require_cells_inside(setup: Setup, grid: Grid) -> None:

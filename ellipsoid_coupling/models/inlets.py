@@ -2,10 +2,11 @@
 
 A density rho (mass per area, of a mass of 1 at the start) that the fluid carries in through a patch brings
 
-    rho N int max(u . n, 0) ds          particles in a unit of time,
+    rho N int max(u(t) . n, 0) ds          particles in a unit of time,
 
 N of them at the start, each with the weight 1/N; n is the inner normal. Where they come in has the density
-u . n along the patch. Each moves and turns with the fluid at its birth, at the inlet's angle.
+u . n along the patch. Each moves and turns with the fluid at its birth, at the inlet's angle. In a flow
+that changes the rate does, too; as the fluid is known beforehand, so are all births (`particles.inflow`).
 
 Particles of the microscopic model know nothing of one another upstream. So their births are a Poisson
 process, drawn from the stream of each realisation: counts in any part of the fluid then have the law of
@@ -15,12 +16,12 @@ quadrature instead, and come in evenly, in time and along the patch.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import in_words, memory_left
 from ellipsoid_coupling.flow import FlowField
@@ -28,11 +29,11 @@ from ellipsoid_coupling.geometry.edge_grid import ALONG_X, ALONG_Y, GAP, LENGTH,
 from ellipsoid_coupling.geometry.fluid_edges import FluidEdges
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.fluid_motion import fluid_motion
 from ellipsoid_coupling.models.from_scene import scene_external
 from ellipsoid_coupling.particles.births import Births
+from ellipsoid_coupling.particles.inflow import Inflow
 from ellipsoid_coupling.particles.noise import birth_stream
-from ellipsoid_coupling.physics.jeffery import jeffery_coefficients, jeffery_rate
-from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes.sides import keys_of
 
 Floats = NDArray[np.float64]
@@ -52,27 +53,32 @@ class Source(NamedTuple):
 
     Attributes
     ----------
-    rate : float
-        Mass in a unit of time.
-    cumulated : (m + 1,) float64
-        Its part up to each piece of an inlet, from 0 to 1.
-    start, way : (m, 2)
+    inflow : Inflow
+        Mass through the pieces, P of them, until the last save time.
+    start, way : (P, 2)
         Where each piece begins, inside of its edge, and the way to its end.
-    angle : (m,)
+    angle : (P,)
     """
 
-    rate: float
-    cumulated: Floats
+    inflow: Inflow
     start: Floats
     way: Floats
     angle: Floats
 
-    def places(self, part: Floats) -> tuple[Floats, Floats]:
-        """Places (2, n) and angles (n,) at parts of the mass in [0, 1)."""
-        piece = np.searchsorted(self.cumulated, part, side="right") - 1
-        piece = np.clip(piece, 0, len(self.start) - 1)
-        share = (part - self.cumulated[piece]) / np.diff(self.cumulated)[piece]
+    def places(self, time: Floats, part: Floats) -> tuple[Floats, Floats]:
+        """Places (2, n) and angles (n,) of what comes in at times (n,), at parts (n,) of all inlets."""
+        piece, share = self.inflow.pieces(time, part)
         return (self.start[piece] + share[:, None] * self.way[piece]).T, self.angle[piece]
+
+
+class _Pieces(NamedTuple):
+    """Pieces of edges: start, way and inner normal (P, 2), width and patch (P,)."""
+
+    start: Floats
+    way: Floats
+    normal: Floats
+    width: Floats
+    patch: NDArray[np.int64]
 
 
 def scene_source(setup: Setup, edges: FluidEdges) -> Source | None:
@@ -82,37 +88,43 @@ def scene_source(setup: Setup, edges: FluidEdges) -> Source | None:
     chosen = np.flatnonzero(np.isin(edges.grid.patches, inlets))
     if flow is None or chosen.size == 0:
         return None
-    pieces = [_pieces(flow, edges, int(e), chosen.size) for e in chosen]
-    flux, start, way = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    patch = np.repeat(edges.grid.patches[chosen], [len(piece[0]) for piece in pieces])
+    found = [_pieces(edges, int(e), chosen.size) for e in chosen]
+    pieces = _Pieces(*(np.concatenate(column) for column in zip(*found, strict=True)))
     parameters = [part.parameters for part in edges.parts]
-    density = np.array([one.get("density", 0.0) for one in parameters])[patch]
-    angle = np.array([one.get("angle", scene.start.angle) for one in parameters])[patch]
-    mass = density * flux
-    fed = mass > 0.0
+    density = np.array([one.get("density", 0.0) for one in parameters])[pieces.patch]
+    angle = np.array([one.get("angle", scene.start.angle) for one in parameters])[pieces.patch]
+    middle = pieces.start + 0.5 * pieces.way
+    density = density * edges.inside(middle[:, 0], middle[:, 1])
+    mass = np.array([density * _flux(field, pieces) for field in flow.steady_fields()])
+    fed = mass.max(axis=0) > 0.0
     if not fed.any():
         return None
-    total = float(mass.sum())
-    cumulated = np.concatenate(([0.0], np.cumsum(mass[fed]) / total))
-    return Source(total, cumulated, start[fed], way[fed], angle[fed] - scene.start.turns)
+    end = scene.times[-1]
+    inflow = Inflow(mass[:, fed], *flow.given_times(end), end)
+    if inflow.mass <= 0.0:
+        return None
+    return Source(inflow, pieces.start[fed], pieces.way[fed], angle[fed] - scene.start.turns)
 
 
-def _pieces(
-    flow: FlowField, edges: FluidEdges, e: int, count: int
-) -> tuple[Floats, Floats, Floats]:
-    """(flux in, start, way) of the pieces of edge e, one of `count`, that lie in the fluid."""
+def _pieces(edges: FluidEdges, e: int, count: int) -> _Pieces:
+    """Those of edge e, one of `count`."""
     line = edges.grid.lines[e]
     number = max(_POINTS // count, _FEWEST_POINTS)
     along, normal = line[[ALONG_X, ALONG_Y]], np.array([-line[ALONG_Y], line[ALONG_X]])
     width = line[LENGTH] / number
     start = line[[X, Y]] + _BEFORE * line[GAP] * normal
     start = start + (np.arange(number) * width)[:, None] * along
-    middle = start + 0.5 * width * along
-    inside = edges.inside(middle[:, 0], middle[:, 1])
+    way, inwards = np.broadcast_to([width * along, normal], (number, 2, 2)).swapaxes(0, 1)
+    patch = np.full(number, edges.grid.patches[e])
+    return _Pieces(start, way, inwards, np.full(number, width), patch)
+
+
+def _flux(flow: FlowField, pieces: _Pieces) -> Floats:
+    """What flows in through each piece, (P,): its width times u . n in its middle."""
+    middle = pieces.start + 0.5 * pieces.way
     sample = flow.evaluate(middle[:, 0], middle[:, 1])
-    inwards = normal[0] * sample.velocity_x + normal[1] * sample.velocity_y
-    flux = np.where(inside, np.maximum(inwards, 0.0) * width, 0.0)
-    return flux, start, np.broadcast_to(width * along, start.shape)
+    normal_x, normal_y = pieces.normal.T
+    return np.asarray((normal_x * sample.velocity_x + normal_y * sample.velocity_y) * pieces.width)
 
 
 def scene_births(
@@ -130,13 +142,13 @@ def scene_births(
     source = scene_source(setup, edges)
     if source is None:
         return None
-    rate, end = source.rate * number, setup.scene.times[-1]
-    _require_room(setup, rate * end * blocks)
+    inflow = source.inflow
+    _require_room(setup, inflow.mass * number * blocks)
     if evenly:
-        drawn = _even_births(rate * blocks, end, blocks)
+        drawn = _even_births(inflow, number, blocks)
     else:
         first = setup.first_realisation
-        drawn = [_random_births(setup.seed, first + k, rate, end) for k in range(blocks)]
+        drawn = [_random_births(setup.seed, first + k, inflow, number) for k in range(blocks)]
     slots = max(len(times) for times, _ in drawn)
     degrees = 3 if setup.terms.angle else 2
     time = np.full((blocks, slots), np.inf)
@@ -145,17 +157,10 @@ def scene_births(
     place[...] = np.array([*source.start[0], source.angle[0]])[:, None]
     for k, (times, parts) in enumerate(drawn):
         time[k, : len(times)] = times
-        place[k, :2, : len(times)], place[k, 2, : len(times)] = source.places(parts)
-    velocity = _moving_with_the_fluid(setup, place)[:, :degrees]
-    place = np.ascontiguousarray(place[:, :degrees])
-    return Births(
-        number,
-        np.zeros(blocks, np.int64),
-        time,
-        place,
-        np.ascontiguousarray(velocity),
-        _drift_at(setup, place),
-    )
+        place[k, :2, : len(times)], place[k, 2, : len(times)] = source.places(times, parts)
+    motion = _at_birth(setup, inflow, time, place)
+    kept = (np.ascontiguousarray(values[:, :degrees]) for values in (place, *motion))
+    return Births(number, np.zeros(blocks, np.int64), time, *kept)
 
 
 def _require_room(setup: Setup, expected: float) -> None:
@@ -169,39 +174,48 @@ def _require_room(setup: Setup, expected: float) -> None:
         )
 
 
-def _random_births(seed: int, realisation: int, rate: float, end: float) -> tuple[Floats, Floats]:
+def _random_births(
+    seed: int, realisation: int, inflow: Inflow, number: int
+) -> tuple[Floats, Floats]:
     """Times and parts of the source of a Poisson process: a number of births, then each by itself."""
     stream = birth_stream(seed, realisation)
-    number = int(stream.poisson(rate * end))
-    return end * np.sort(stream.random(number)), stream.random(number)
+    count = int(stream.poisson(inflow.mass * number))
+    times = inflow.when(inflow.mass * np.sort(stream.random(count)))
+    return times, stream.random(count)
 
 
-def _even_births(rate: float, end: float, blocks: int) -> list[tuple[Floats, Floats]]:
-    """Times and parts of the source, dealt out to the blocks in turn."""
-    j = np.arange(int(np.floor(rate * end + 0.5)), dtype=np.float64)
-    times: Floats = (j + 0.5) / rate
+def _even_births(inflow: Inflow, number: int, blocks: int) -> list[tuple[Floats, Floats]]:
+    """Times and parts of the source, dealt out to the blocks in turn: one for each unit of mass."""
+    units = number * blocks
+    j = np.arange(int(np.floor(inflow.mass * units + 0.5)), dtype=np.float64)
+    times = inflow.when((j + 0.5) / units)
     parts: Floats = np.mod((j + 0.5) * _GOLDEN, 1.0)
     return [(times[k::blocks], parts[k::blocks]) for k in range(blocks)]
 
 
-def _moving_with_the_fluid(setup: Setup, place: Floats) -> Floats:
-    """Velocity and rate of rotation (R, 3, B) of the fluid for particles at place (R, 3, B)."""
-    flow, particles = setup.flow, setup.scene.particles
-    assert flow is not None
-    sample = flow.evaluate(place[:, 0], place[:, 1])
-    shape_factor = potential_shape(particles.length, particles.width).shape_factor
-    # The formulas are of numbers, and hold for arrays of them.
-    coefficients: Any = plain(jeffery_coefficients)
-    rate: Any = plain(jeffery_rate)
-    turning = coefficients(1.0, sample.dux_dx, sample.dux_dy, sample.duy_dx, shape_factor)
-    spin = rate(np.cos(2.0 * place[:, 2]), np.sin(2.0 * place[:, 2]), *turning)
-    return np.stack((sample.velocity_x, sample.velocity_y, spin), axis=1)
+def _at_birth(setup: Setup, inflow: Inflow, time: Floats, place: Floats) -> tuple[Floats, Floats]:
+    """Velocity and drift (R, 3, B) of particles born at times (R, B) and places (R, 3, B).
+
+    Both are linear in the fluid, so that each of its fields counts by its part at the time.
+    """
+    assert setup.flow is not None
+    flat = np.ascontiguousarray(place.swapaxes(0, 1)).reshape(3, -1)
+    found = np.zeros((2, *flat.shape))
+    for number, field in enumerate(setup.flow.steady_fields()):
+        weight = inflow.weights(time.ravel(), number)
+        some = np.flatnonzero(weight > 0.0)
+        if some.size:
+            at = np.ascontiguousarray(flat[:, some])
+            found[0, :, some] += (weight[some] * fluid_motion(setup.scene, field, at)).T
+            found[1, :, some] += (weight[some] * _drift_at(setup, field, at)).T
+    velocity, drift = found.reshape(2, 3, *time.shape).swapaxes(1, 2)
+    return velocity, drift
 
 
-def _drift_at(setup: Setup, place: Floats) -> Floats:
-    """The drift (R, D, B) at place of what acts on a particle by itself."""
-    force = np.empty_like(place)
-    drift = Drift(scene_external(setup), None)
-    for k in range(len(place)):
-        particle_forces(drift, 0.0, place[k], force[k])
+def _drift_at(setup: Setup, field: FlowField, place: Floats) -> Floats:
+    """The drift (3, n) at place (3, n) of what acts on a particle by itself, in one field of the fluid."""
+    force = np.zeros_like(place)
+    drift = Drift(scene_external(replace(setup, flow=field)), None)
+    turns = 3 if setup.terms.angle else 2
+    particle_forces(drift, 0.0, place[:turns], force[:turns])
     return force

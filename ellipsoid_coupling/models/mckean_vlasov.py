@@ -33,7 +33,8 @@ from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.bounded import start_count
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
-from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
+from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_state
+from ellipsoid_coupling.models.start_state import earlier_samples
 from ellipsoid_coupling.models.summation import among_samples
 from ellipsoid_coupling.particles.forces import BlockForces, Forces
 from ellipsoid_coupling.particles.shared_clock import advance_shared_clock
@@ -114,7 +115,8 @@ class McKeanVlasov(ParticleModel):
 
     def __init__(self, name: str, setup: Setup) -> None:
         edges, evenly = scene_edges(setup), not is_noisy(setup)
-        state = start_at_rest(setup, edges, start_points(setup), 1, evenly=evenly)
+        points, earlier = start_points(setup), earlier_samples(setup)
+        state = start_state(setup, edges, points, 1, earlier=earlier, evenly=evenly)
         samples = start_count(state)
         super().__init__(name, setup, edges, state, samples)
         asked = scene_samples(setup.scene, samples)

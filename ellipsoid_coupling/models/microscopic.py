@@ -30,7 +30,8 @@ from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import LargeCloud
 from ellipsoid_coupling.models.base import Setup
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
-from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_at_rest
+from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_state
+from ellipsoid_coupling.models.start_state import earlier_realisations
 from ellipsoid_coupling.models.summation import pair_by_pair
 from ellipsoid_coupling.particles.forces import BlockForces, Forces
 from ellipsoid_coupling.particles.own_clock import advance_own_clocks
@@ -63,7 +64,8 @@ class Microscopic(ParticleModel):
         number = scene.particles.number
         points = random_points(scene, setup.seed, realisations, setup.first_realisation)
         edges = scene_edges(setup)
-        start = start_at_rest(setup, edges, points, realisations)
+        earlier = earlier_realisations(setup)
+        start = start_state(setup, edges, points, realisations, earlier=earlier)
         super().__init__(name, setup, edges, start, number)
         self._drift = scene_drift(setup, edges)
         slots = start.place.shape[2]

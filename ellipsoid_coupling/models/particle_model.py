@@ -35,6 +35,7 @@ from ellipsoid_coupling.models.particle_reports import (
     particle_snapshot,
 )
 from ellipsoid_coupling.models.periodic import require_wide_periods
+from ellipsoid_coupling.models.start_state import Moving, start_velocity
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.collisions import (
     GHOSTS_IN_REACH,
@@ -297,13 +298,20 @@ def random_points(scene: Scene, seed: int, realisations: int, first: int = 0) ->
     return np.array([low + (high - low) * start_positions(seed, k, number) for k in numbers])
 
 
-def start_at_rest(
-    setup: Setup, edges: FluidEdges | None, points: Floats, clocks: int, *, evenly: bool = False
+def start_state(
+    setup: Setup,
+    edges: FluidEdges | None,
+    points: Floats,
+    clocks: int,
+    *,
+    earlier: Moving | None = None,
+    evenly: bool = False,
 ) -> ParticleState:
-    """Particles at rest at `points` (blocks, 2, n), at the start angle, with so many rows of clock.
+    """Particles at `points` (blocks, 2, n), at the start angle, with so many rows of clock.
 
-    With start.points these are where all realisations start, whatever `points` are. Behind them stand slots
-    for those that inlets feed in, at random or `evenly`.
+    With start.points these are where all realisations start, whatever `points` are, and likewise
+    `earlier`, those of start.file. Behind them stand slots for those that inlets feed in, at random or
+    `evenly`.
 
     Raises
     ------
@@ -311,6 +319,9 @@ def start_at_rest(
         If one starts in a solid or beyond the flow's mesh.
     """
     start = setup.scene.start
+    clock = new_clock(clocks, setup.scene.numerics.time_step, GIVEN)
+    if earlier is not None:
+        return placed(setup, edges, earlier.place, clock, earlier.velocity, evenly=evenly)
     places = np.array(start.places())
     if places.size:
         points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
@@ -319,24 +330,31 @@ def start_at_rest(
     place[:, :2] = points
     if places.size:
         place[:, 2:] = places[:, 2]
-    clock = new_clock(clocks, setup.scene.numerics.time_step, GIVEN)
-    return resting(setup, edges, place, clock, evenly=evenly)
+    return placed(setup, edges, place, clock, evenly=evenly)
 
 
-def resting(
-    setup: Setup, edges: FluidEdges | None, place: Floats, clock: Floats, *, evenly: bool = False
+def placed(
+    setup: Setup,
+    edges: FluidEdges | None,
+    place: Floats,
+    clock: Floats,
+    velocity: Floats | None = None,
+    *,
+    evenly: bool = False,
 ) -> ParticleState:
-    """Particles at rest at `place` (blocks, D, n); see `start_at_rest`."""
-    still, scene = np.zeros_like(place), setup.scene
+    """Particles at `place` (blocks, D, n) with that velocity, or the scene's; see `start_state`."""
+    scene = setup.scene
     if edges is None:
         require_start_inside(scene, setup.flow, place[:, 0], place[:, 1])
-        watched = scene_mesh(setup) is not None
-        frozen = np.zeros((place.shape[0], place.shape[2]), np.uint8) if watched else None
-        return ParticleState(place, still, still.copy(), clock, None, frozen)
-    require_start_in_fluid(setup, edges, place[:, 0], place[:, 1])
-    place[:, :2] = off_the_edges(edges, place[:, :2])
-    alone = ParticleState(place, still, still.copy(), clock, None)
-    return with_fates(alone, setup, edges, evenly)
+    else:
+        require_start_in_fluid(setup, edges, place[:, 0], place[:, 1])
+        place[:, :2] = off_the_edges(edges, place[:, :2])
+    moving = start_velocity(setup, place) if velocity is None else velocity
+    still, frozen = np.zeros_like(place), None
+    if edges is None and scene_mesh(setup) is not None:
+        frozen = np.zeros((place.shape[0], place.shape[2]), np.uint8)
+    state = ParticleState(place, moving, still, clock, None, frozen)
+    return state if edges is None else with_fates(state, setup, edges, evenly)
 
 
 def _where(state: ParticleState, setup: Setup, name: str, block: int | None) -> str:

@@ -10,7 +10,7 @@ from ellipsoid_coupling.geometry.fate_codes import NOT_YET
 from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.particles.state import ParticleState
-from ellipsoid_coupling.physics.outer import outer_force
+from ellipsoid_coupling.physics.outer import outer_force, scene_outer
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.stepping.step_control import LARGEST_FORCE, LARGEST_TORQUE, TIME
 
@@ -71,7 +71,7 @@ def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     if setup.flow is not None and scene.flow is not None:
         sample = setup.flow.at(float(state.clock[:, TIME].min())).evaluate(x, y)
         fluid = scene.flow.drag * np.array([float(sample.velocity_x), float(sample.velocity_y)])
-    outer = np.array(outer_force(scene.outer_potential, x, y))
+    outer = np.array(outer_force(scene_outer(scene), x, y))
     terms = {
         FLUID: float(np.hypot(*fluid)),
         OUTER: float(np.hypot(*outer)),

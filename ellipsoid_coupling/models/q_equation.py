@@ -23,7 +23,7 @@ from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import cell_of, scene_grid, start_density
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, check_angles, start_angles
-from ellipsoid_coupling.finite_volume.system import System, q_system
+from ellipsoid_coupling.finite_volume.system import DENSITY, System, q_system
 from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
 from ellipsoid_coupling.interaction import WALL_FRAMES, WallTable
 from ellipsoid_coupling.interaction.convolution.q_kernel_spectra import distinct_angles
@@ -40,9 +40,10 @@ from ellipsoid_coupling.models.staircase import (
     curved_walls,
     require_start_in_fluid,
     scene_moving_lines,
-    scene_staircase,
+    staircase_in_time,
     staircase_lines,
 )
+from ellipsoid_coupling.models.start_state import fill_start
 from ellipsoid_coupling.models.summation import q_tolerance
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -64,23 +65,23 @@ class QEquation(CellModel):
         scene, system = setup.scene, self.system(setup)
         shape = potential_shape(scene.particles.length, scene.particles.width)
         grid = _scene_q_grid(scene)
-        stairs = scene_staircase(setup, grid.plane)
+        stairs_at = staircase_in_time(setup, grid.plane)
+        stairs = stairs_at(0.0)
         terms = scene_cell_terms(setup, grid.plane, stairs=stairs)
         cells = CellFields(
             system=system,
             grid=grid,
             terms=terms,
-            tables=scene_moving_tables(setup, grid.plane, terms),
+            tables=scene_moving_tables(setup, stairs_at, grid.plane, terms),
             ghosts=grid_ghosts(grid.plane, scene_boundaries(scene), grid.angle_width),
             cfl=scene.numerics.cfl,
             find_forces=AngleGridForces(
                 _interaction(setup, grid, system, shape), _wall_forces(scene, grid, shape, stairs)
             ),
             lines=stairs and staircase_lines(setup, stairs, grid, system),
-            moving_lines=scene_moving_lines(setup, grid, system),
+            moving_lines=scene_moving_lines(setup, stairs_at, grid, system),
         )
-        cells.inside[0] = _start(grid, scene, stairs)
-        cells.look_for_mass()
+        fill_start(cells, setup, stairs, {DENSITY: _start(grid, setup, stairs)})
         for component, value in self.start_values(setup, cells.inside[0]).items():
             cells.fill(component, value)
         super().__init__(name, setup, cells)
@@ -175,10 +176,11 @@ def _interaction(
     )
 
 
-def _start(grid: QGrid, scene: Scene, stairs: Staircase | None) -> Floats:
+def _start(grid: QGrid, setup: Setup, stairs: Staircase | None) -> Floats:
     """The density at the start, (na, ny, nx): that of the plane at the start angle, or the points."""
+    scene = setup.scene
     places, density = scene.start.places(), start_density(grid.plane, scene)
-    if stairs is not None:
+    if stairs is not None and setup.earlier is None:
         density = require_start_in_fluid(scene, stairs.cells.inside, grid.plane, density)
     if not places:
         parts = start_angles(grid, scene.start.own_angle)[:, None, None]
@@ -199,7 +201,7 @@ def _wall_forces(
     scene: Scene, grid: QGrid, shape: PotentialShape, stairs: Staircase | None
 ) -> AngleForces | None:
     """What the walls do to every cell and every angle that the potential tells apart."""
-    walls = scene_walls(scene, shape)
+    walls = scene_walls(scene, shape, stairs)
     if walls is None:
         return None
     n = distinct_angles(grid.angles, shape)

@@ -14,7 +14,7 @@ from ellipsoid_coupling.finite_volume.cells import CellFields
 from ellipsoid_coupling.finite_volume.diagnostics import largest_magnitude
 from ellipsoid_coupling.finite_volume.grid import Grid, scene_grid, start_angle, start_density
 from ellipsoid_coupling.finite_volume.q_grid import RGrid
-from ellipsoid_coupling.finite_volume.system import MEAN_ANGLE, System, rho_system
+from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, System, rho_system
 from ellipsoid_coupling.geometry.boundaries import periodic_axes, scene_boundaries
 from ellipsoid_coupling.interaction import (
     CurvedWalls,
@@ -33,9 +33,10 @@ from ellipsoid_coupling.models.staircase import (
     curved_walls,
     require_start_in_fluid,
     scene_moving_lines,
-    scene_staircase,
+    staircase_in_time,
     staircase_lines,
 )
+from ellipsoid_coupling.models.start_state import fill_start
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -57,7 +58,9 @@ class RGridEquation(CellModel):
         scene, plane = setup.scene, scene_grid(setup.scene)
         steps = min(_CELLS_PER_CALL // (plane.nx * plane.ny), _MOST_STEPS_PER_CALL)
         self.steps_per_call = max(steps, _STEPS_PER_CALL)
-        system, grid, stairs = self.system(setup), RGrid(plane), scene_staircase(setup, plane)
+        system, grid = self.system(setup), RGrid(plane)
+        stairs_at = staircase_in_time(setup, plane)
+        stairs = stairs_at(0.0)
         interaction = _scene_interaction(setup, plane, stairs)
         self._forces = MeanAngleForces(*interaction, start_angle(plane, scene))
         terms = scene_cell_terms(setup, plane, stairs=stairs)
@@ -65,19 +68,18 @@ class RGridEquation(CellModel):
             system=system,
             grid=grid,
             terms=terms,
-            tables=scene_moving_tables(setup, plane, terms),
+            tables=scene_moving_tables(setup, stairs_at, plane, terms),
             ghosts=grid_ghosts(plane, scene_boundaries(scene)),
             cfl=scene.numerics.cfl,
             find_forces=self._forces,
             lines=stairs and staircase_lines(setup, stairs, grid, system),
-            moving_lines=scene_moving_lines(setup, grid, system),
+            moving_lines=scene_moving_lines(setup, stairs_at, grid, system),
         )
         density = start_density(plane, scene)
-        if stairs is not None:
+        if stairs is not None and setup.earlier is None:
             density = require_start_in_fluid(scene, stairs.cells.inside, plane, density)
-        cells.inside[0] = density
-        if cells.system.carried_angle:
-            cells.fill(MEAN_ANGLE, self._forces.start_angle)
+        own = {DENSITY: density[None], MEAN_ANGLE: self._forces.start_angle[None]}
+        fill_start(cells, setup, stairs, own)
         for component, value in self.start_values(setup, cells.inside[0]).items():
             cells.fill(component, value)
         super().__init__(name, setup, cells)
@@ -170,7 +172,7 @@ def _scene_interaction(
         method=numerics.interaction,
         periods=periodic_axes(scene),
     )
-    walls = scene_walls(scene, shape)
+    walls = scene_walls(scene, shape, stairs)
     if walls is None:
         return interaction, None
     return interaction, curved_walls(scene, stairs, grid, walls) or walls.table(grid.cell)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +23,7 @@ from ellipsoid_coupling.flow.interval import MovingFlow
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.boundaries import Inlet, at_side, make_kind
 from ellipsoid_coupling.geometry.fluid_cells import FluidCells, fluid_cells
+from ellipsoid_coupling.geometry.fluid_edges import lying_on
 from ellipsoid_coupling.geometry.patches import is_outlined, patch_parts
 from ellipsoid_coupling.interaction import CurvedWalls, Walls
 from ellipsoid_coupling.models.base import Setup
@@ -30,6 +33,8 @@ from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.sides import SIDES
 
 Floats = NDArray[np.float64]
+# The staircase of a scene as of a time; None where nothing but the domain bounds the fluid.
+StairsAt = Callable[[float], "Staircase | None"]
 
 
 class Staircase(NamedTuple):
@@ -84,6 +89,11 @@ def scene_staircase(setup: Setup, grid: Grid, t: float = 0.0) -> Staircase | Non
     faces = {axis: CellFaces(corners, cells, ends, grid.cell, axis) for axis in (-1, -2)}
     _require_periods(scene, ends, faces)
     return Staircase(cells, ends, faces, outline, flow)
+
+
+def staircase_in_time(setup: Setup, grid: Grid) -> StairsAt:
+    """`scene_staircase` at a time; the last one is kept, as tables and lines ask one after the other."""
+    return lru_cache(maxsize=1)(partial(scene_staircase, setup, grid))
 
 
 def _ends(scene: Scene, flow: FlowField | None) -> Ends:
@@ -158,14 +168,16 @@ def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System
     )
 
 
-def scene_moving_lines(setup: Setup, grid: QGrid, system: System) -> MovingLines | None:
+def scene_moving_lines(
+    setup: Setup, stairs_at: StairsAt, grid: QGrid, system: System
+) -> MovingLines | None:
     """What brings the lines of a staircase to a time; None where nothing changes, or without one."""
     moving = setup.flow
-    if not isinstance(moving, MovingFlow) or scene_staircase(setup, grid.plane) is None:
+    if not isinstance(moving, MovingFlow) or stairs_at(0.0) is None:
         return None
 
     def lines_at(t: float) -> FluidLines:
-        stairs = scene_staircase(setup, grid.plane, t)
+        stairs = stairs_at(t)
         assert stairs is not None
         return staircase_lines(setup, stairs, grid, system)
 
@@ -175,16 +187,19 @@ def scene_moving_lines(setup: Setup, grid: QGrid, system: System) -> MovingLines
 def _carried(
     setup: Setup, stairs: Staircase, grid: QGrid, system: System, lines: tuple[int, LineTable]
 ) -> tuple[LineTable, Floats]:
-    """Numbers the ends where the fluid comes in, and what it carries there, see `FluidLines`."""
+    """Numbers the ends at inlets, and what the fluid carries there, see `FluidLines`.
+
+    Whether it comes in there or leaves says its velocity alone, which may turn round.
+    """
     axis, table = lines
     rows, planes = table.carried.copy(), grid.shape[0]
     found = [np.zeros((len(system.components), planes))]
     places = table.rows, table.start, (table.start + table.length - 1) % table.cells
     for line, end in np.argwhere(~table.ring[:, None] & (table.boundary >= 0)):
         kind = stairs.ends.kinds[table.boundary[line, end]]
-        cell = places[0][line], places[1 + end][line]
-        along = stairs.faces[axis].values[(end, *(cell if axis == -1 else cell[::-1]))]
-        if isinstance(kind, Inlet) and along * (1 if end == 0 else -1) > 0.0:
+        if isinstance(kind, Inlet):
+            cell = places[0][line], places[1 + end][line]
+            along = stairs.faces[axis].values[(end, *(cell if axis == -1 else cell[::-1]))]
             rows[line, end] = len(found)
             face = axis, along, table.faces[line, end]
             found.append(_state((setup.scene, stairs.flow), grid, system, kind, face))
@@ -228,23 +243,39 @@ def _state(
 def curved_walls(
     scene: Scene, stairs: Staircase | None, grid: Grid, walls: Walls
 ) -> CurvedWalls | None:
-    """The walls of an outline: patches that reflect, or those that [walls] names, and sides that do.
+    """The walls of an outline: patches and sides that reflect, or those of them that [walls] names.
 
-    None where the sides of the domain bound the fluid.
+    As of particles a side that is named stands for the patches that lie on it, too. None where the sides
+    of the domain bound the fluid.
+
+    Raises
+    ------
+    InputError
+        If there is no such wall.
     """
     if stairs is None or stairs.outline is None or scene.walls is None:
         return None
     outline, ends = stairs.outline, stairs.ends
-    named = set(scene.walls.sides or ()) & set(outline.names)
-    chosen = [not named or name in named for name in outline.names]
-    parts = [outline.ends[ends.reflects(ends.edge) & np.array(chosen)[ends.edge]]]
+    named = scene.walls.sides
+    chosen = np.array([named is None or name in named for name in outline.names], bool)[ends.edge]
+    parts = []
     (left, right), (bottom, top) = scene.domain.x, scene.domain.y
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
-    for side, start in ((0, 3), (1, 1), (2, 0), (3, 2)):
+    for side, (name, start) in enumerate(zip(SIDES, (3, 1, 0, 2), strict=True)):
+        if named is not None and name not in named:
+            continue
+        chosen |= lying_on(outline.ends, scene.domain, name)
         faces = stairs.faces[-1 if side < 2 else -2].boundary[side % 2]
         # A side that no fluid reaches is no wall.
         if (faces == ends.sides[side]).any() and ends.reflects(ends.sides[side : side + 1])[0]:
             parts.append(corners[None, [start, (start + 1) % 4]])
+    parts.append(outline.ends[chosen & ends.reflects(ends.edge)])
+    if not sum(map(len, parts)):
+        raise InputError(
+            f"scene {scene.name}, key walls.sides",
+            "walls that reflect, on sides of the domain or patches of the case",
+            ", ".join(named or ("none",)), "Name others, or leave out [walls].",
+        )  # fmt: skip
     centres = grid.x, grid.y
     entries = walls.table(grid.cell).entries
     return CurvedWalls(np.concatenate(parts), entries, centres, stairs.cells.inside, grid.cell)

@@ -28,7 +28,7 @@ from ellipsoid_coupling.models.periodic import require_no_period
 from ellipsoid_coupling.models.summation import on_q_grid
 from ellipsoid_coupling.physics.angular import angular_energy
 from ellipsoid_coupling.physics.closure import PRESSURE
-from ellipsoid_coupling.physics.outer import outer_energy
+from ellipsoid_coupling.physics.outer import outer_energy, scene_outer
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.kinds import Record
@@ -119,7 +119,7 @@ class StationaryState:
         scene = self._setup.scene
         angle = np.asarray(2.0 * np.pi / self.angles * np.arange(self.angles), np.float64)
         potential = np.empty((self.angles, *self.grid.shape))
-        parts = scene.outer_potential, scene.angular_potential
+        parts = scene_outer(scene), scene.angular_potential
         _set_outer(*parts, angle, self.grid.y, self.grid.x, potential)
         return potential
 

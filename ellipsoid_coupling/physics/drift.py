@@ -1,6 +1,6 @@
 """The drift of `eq:micro` at one place and angle: all of it but the other particles.
 
-    F     = gamma u(t, r)           - grad V1(r)
+    F     = gamma u(t, r)           - grad V1(r) + g
     F_bar = gamma_bar g(theta, u)   - dV2/dtheta(theta)
 
 Particles evaluate it in their loop, cells once at their centres. The interaction is added by those who
@@ -59,7 +59,7 @@ class External(NamedTuple):
     ----------
     fluid : Fluid or None
     outer, angular : record or None
-        V1 and V2, see `physics.outer` and `physics.angular`.
+        V1 and V2, see `physics.outer` and `physics.angular`; gravity is a part of V1, -g . r.
     """
 
     fluid: Fluid | None = None

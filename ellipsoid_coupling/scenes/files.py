@@ -60,8 +60,10 @@ def load_scene(
         table, where = table["scene"], f"{where}, [scene]"
         if not isinstance(table, dict):
             raise InputError(where, "a section", repr(table), "Take the run.toml of a run.")
+        _place(table, "start", "file", Path(str(scene)))
     elif not isinstance(scene, Mapping):
-        _place_case(table, Path(scene))
+        for section, key in (("flow", "case"), ("start", "file")):
+            _place(table, section, key, Path(scene))
     for key, value in (settings or {}).items():
         set_key(table, key, _plain(value))
     return scene_from_table(table, where)
@@ -80,11 +82,11 @@ def _plain(value: Any) -> Any:
     return value if as_python is None else as_python()
 
 
-def _place_case(table: Table, file: Path) -> None:
-    """Make the path of the flow's case, which is relative to the scene's file, an absolute one."""
-    flow = table.get("flow")
-    if isinstance(flow, dict) and isinstance(case := flow.get("case"), str) and case:
-        flow["case"] = os.path.abspath(file.parent / case)  # noqa: PTH100 (links stay)
+def _place(table: Table, section: str, key: str, file: Path) -> None:
+    """Make a path of a section, which is relative to the scene's file, an absolute one."""
+    part = table.get(section)
+    if isinstance(part, dict) and isinstance(path := part.get(key), str) and path:
+        part[key] = os.path.abspath(file.parent / path)  # noqa: PTH100 (links stay)
 
 
 def load_run_part(scene: str | Path) -> RunPart:

@@ -47,13 +47,18 @@ MEANINGS = {
     "particles.number": Meaning("N, the particles of one realisation", "1"),
     "particles.realisations": Meaning("independent copies; histograms take them together", "1"),
     "start.x": Meaning(
-        "[low, high] of the box in x that particles fill evenly, at rest; not needed with points",
+        "[low, high] of the box in x that particles fill evenly; not needed with points or file",
         "length",
     ),
-    "start.y": Meaning("[low, high] of that box in y; not needed with points", "length"),
+    "start.y": Meaning("[low, high] of that box in y; not needed with points or file", "length"),
     "start.angle": Meaning("of the main axis against the x axis", "rad"),
     "start.points": Meaning(
         "one [x, y] or [x, y, angle] a particle; the box then follows from them", "length, rad"
+    ),
+    "start.velocity": Meaning("at rest, or as the fluid moves and turns there"),
+    "start.file": Meaning(
+        "result.nc of an earlier run whose last state is the start, relative to the scene's file; the "
+        "earlier run had the same particles, the same cells, or particles that cells count"
     ),
     "flow.case": Meaning("path of a solved case, relative to the scene's file; in place of field"),
     "flow.time": Meaning(
@@ -75,6 +80,8 @@ MEANINGS = {
     "walls.ghost_density": Meaning(
         "of ghost cells: the ghost particles' strength along the wall, or 1/cell^2 as printed in the paper"
     ),
+    "gravity.x": Meaning("acceleration of all particles along x", "length/time^2"),
+    "gravity.y": Meaning("the same along y", "length/time^2"),
     "outer_potential.kind": Meaning("the formula V1(r); other keys are its numbers"),
     "outer_potential.harmonic.stiffness": Meaning("of V1 = stiffness r^2/2", "1/time^2"),
     "angular_potential.kind": Meaning("the formula V2(theta); other keys are its numbers"),

@@ -7,8 +7,6 @@ radian.
 
 from __future__ import annotations
 
-import math
-from contextlib import suppress
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -33,6 +31,7 @@ from ellipsoid_coupling.scenes.sides import (
     SideName,
     keys_of,
 )
+from ellipsoid_coupling.scenes.start import Start
 from ellipsoid_coupling.scenes.user_methods import SceneMethods
 from ellipsoid_coupling.scenes.values import (
     Count,
@@ -44,7 +43,6 @@ from ellipsoid_coupling.scenes.values import (
     Number,
     Part,
     PathText,
-    Points,
     Positive,
     Times,
     file_name,
@@ -101,73 +99,6 @@ class Particles(Part):
     def is_circle(self) -> bool:
         """Circles have no main axis: no torque between them and no strain in Jeffery's term."""
         return self.length == self.width
-
-
-class Start(Part):
-    """Where the particles start, at rest: the box Omega_0, filled evenly, and the start angle.
-
-    Or `points`, one [x, y] or [x, y, angle] a particle (of one realisation), at `angle` where none
-    is given; x and y then are the box around them, and may be left out.
-    """
-
-    x: Interval
-    y: Interval
-    angle: Number = 0.0
-    points: Points | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _box_of_points(cls, values: Any) -> Any:
-        if not isinstance(values, dict) or values.get("points") is None:
-            return values
-        boxes = {"x": (0.0, 0.0), "y": (0.0, 0.0)}
-        # What is wrong with the points is told with their own key.
-        with suppress(TypeError, ValueError, LookupError):
-            for d, name in enumerate("xy"):
-                column = [float(point[d]) for point in values["points"]]
-                boxes[name] = (min(column), max(column))
-        return boxes | values
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.points is None:
-            require_interval("x", self.x)
-            require_interval("y", self.y)
-            return self
-        for d, (low, high) in enumerate((self.x, self.y)):
-            if not all(low <= point[d] <= high for point in self.points):
-                raise ValueError(f"points within {'xy'[d]} = {[low, high]}")
-        return self
-
-    @property
-    def turns(self) -> float:
-        """Whole turns in the (first point's) angle, radian; 0 up to half a turn.
-
-        Models keep angles less this and add it to what they show: 1e9 + dt omega would lose digits.
-        """
-        angles = [point[2] for point in self.points or () if len(point) == 3]
-        first = angles[0] if angles else self.angle
-        # sin and cos of the angle itself: 2 pi rounded, times the turns, would be off.
-        return first - math.atan2(math.sin(first), math.cos(first)) if abs(first) > math.pi else 0.0
-
-    def _less_turns(self, angle: float) -> float:
-        turns = self.turns
-        if turns == 0.0:
-            return angle
-        part = math.atan2(math.sin(angle), math.cos(angle))
-        return part + 2.0 * math.pi * round((angle - turns - part) / (2.0 * math.pi))
-
-    @property
-    def own_angle(self) -> float:
-        """`angle` less `turns`."""
-        return self._less_turns(self.angle)
-
-    def places(self) -> list[tuple[float, float, float]]:
-        """(x, y, angle less `turns`) of every one of `points`; empty without them."""
-        return [
-            (p[0], p[1], self._less_turns(p[2] if len(p) == 3 else self.angle))
-            for p in self.points or ()
-        ]
 
 
 class Flow(Part):
@@ -247,6 +178,13 @@ class WallsPart(Part):
         return self
 
 
+class GravityPart(Part):
+    """An acceleration of all particles, the same everywhere."""
+
+    x: Number = 0.0
+    y: Number = 0.0
+
+
 class Noise(Part):
     """A and B: random kicks A dW with damping A^2/2, B likewise for the angular velocity."""
 
@@ -290,9 +228,21 @@ class Scene(SceneMethods):
     flow: Flow | None = None
     interaction: InteractionPart | None = None
     walls: WallsPart | None = None
+    gravity: GravityPart | None = None
     outer_potential: Annotated[Record, OUTER_POTENTIALS] | None = None
     angular_potential: Annotated[Record, ANGULAR_POTENTIALS] | None = None
     noise: Noise | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _box_of_file(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        start, domain = values.get("start"), values.get("domain")
+        if not (isinstance(start, dict) and isinstance(domain, dict) and start.get("file")):
+            return values
+        box = {axis: domain[axis] for axis in ("x", "y") if axis in domain}
+        return values | {"start": box | start}
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -304,6 +254,8 @@ class Scene(SceneMethods):
                 f"({self.times[-1]:g}), not {self.numerics.time_step:g}, which no longer moves the clock"
             )
         self._check_sides()
+        if self.start.velocity == "fluid" and self.flow is None:
+            raise ValueError('[flow] with start.velocity = "fluid"')
         if self.walls is not None and self.interaction is None:
             raise ValueError("[interaction] with [walls], whose ghosts act through its potential")
         for axis in ("x", "y"):
@@ -387,6 +339,7 @@ class RunPart(Part):
     first_realisation: Annotated[int, Field(ge=0, le=MOST_COUNT)] = 0
     flow: str = "none"
     flow_digest: Line = "none"
+    start_digest: Line = "none"
 
     @property
     def numbers(self) -> range | None:

@@ -16,6 +16,7 @@ class Terms(NamedTuple):
     torque: bool
     walls: bool
     reflection: bool
+    gravity: bool
     outer_potential: bool
     angular_potential: bool
     noise: bool
@@ -97,6 +98,7 @@ def _flow_in_words(flow: Flow) -> str:
 
 def _surroundings(scene: Scene) -> list[Term]:
     walls, outer, turning = scene.walls, scene.outer_potential, scene.angular_potential
+    gravity = scene.gravity
     return [
         Term(
             "walls",
@@ -111,6 +113,11 @@ def _surroundings(scene: Scene) -> list[Term]:
             "reflection",
             scene.has_sides("reflect"),
             _sides_in_words(scene),
+        ),
+        Term(
+            "gravity",
+            gravity is not None,
+            f"acceleration ({gravity.x:g}, {gravity.y:g})" if gravity else "no [gravity]: g = 0",
         ),
         Term(
             "outer_potential",
@@ -158,6 +165,7 @@ def _angle_term(scene: Scene) -> Term:
             ("interaction", scene.interaction is not None and not scene.particles.is_circle),
             ("V2", scene.angular_potential is not None),
             ("noise", scene.noise is not None and scene.noise.angular_noise > 0),
+            ("the velocities of start.file", scene.start.file is not None),
         )
         if acts
     ]

@@ -69,7 +69,7 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     own = {k: a for k, a in arrays.items() if not k.startswith((_STATE, _SNAPSHOT))}
     # Under pressure the monitors know no bound of the forces and keep infinity.
     _require_alike(where, own, {_SECONDS: np.zeros(2), _FORCES: np.full(2, np.inf)})
-    state = {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
+    state = state_of(arrays)
     _require_alike(where, state, model.state())
     for snapshot in snapshots.values():
         _require_alike(where, snapshot, model.snapshot())
@@ -86,6 +86,11 @@ def unpack(arrays: Arrays, model: Model, times: Sequence[float], where: str) -> 
     force, torque = map(float, arrays[_FORCES])
     seconds = np.asarray(arrays[_SECONDS], np.float64)
     return Progress([snapshots[i] for i in range(count)], seconds, (force, torque))
+
+
+def state_of(arrays: Arrays) -> Arrays:
+    """What the model goes on from, of a checkpoint's arrays."""
+    return {k.removeprefix(_STATE): a for k, a in arrays.items() if k.startswith(_STATE)}
 
 
 def _numbered(arrays: Arrays) -> dict[int, Arrays]:

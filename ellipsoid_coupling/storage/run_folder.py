@@ -37,12 +37,14 @@ from ellipsoid_coupling.files.versions import version
 from ellipsoid_coupling.files.writing import Arrays, cannot_write, halves, whole_file, write_arrays
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.scenes.files import parse_toml, table_to_toml
+from ellipsoid_coupling.scenes.start import KEPT_START
 
-_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE = (
+_FILES = RUN_FILE, RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE, START_FILE = (
     "run.toml",
     "result.nc",
     "checkpoint.npz",
     "flow.npz",
+    KEPT_START,
 )
 
 # The largest part of a run's time that checkpoints may take; larger ones are written less often.
@@ -189,7 +191,8 @@ class RunFolder:
             )
 
     def _begin(self, table: Mapping[str, object]) -> None:
-        for name in _FILES[1:]:
+        # The start may be that of the run to come; see `start_file.keep_start`.
+        for name in (RESULT_FILE, CHECKPOINT_FILE, FLOW_FILE):
             (self.path / name).unlink(missing_ok=True)
         with whole_file(self.path / RUN_FILE, new_folder=False) as file:
             file.write_text(table_to_toml(table), encoding="utf-8")

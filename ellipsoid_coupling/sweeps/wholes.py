@@ -14,6 +14,7 @@ from ellipsoid_coupling.models import resolution_text, scheme_named
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.simulation import checked_setup, identity
 from ellipsoid_coupling.storage.run_folder import RunFolder
+from ellipsoid_coupling.storage.start_file import earlier_state, keep_start
 
 # How the counts of the pieces add up; what is not here (what limited the steps) is the pieces' own.
 _LARGEST = ("steps", "longest_step")
@@ -68,7 +69,9 @@ def keep(whole: Result, numbers: range, flow: FlowField | None, path: Path) -> N
         As `RunFolder`.
     """
     scheme, seed = scheme_named(whole.scheme).name, int(whole.attributes["seed"])
-    setup = replace(checked_setup(whole.scene, whole.model, scheme, seed, numbers), flow=flow)
+    setup = checked_setup(whole.scene, whole.model, scheme, seed, numbers)
+    setup = replace(setup, flow=flow, earlier=earlier_state(whole.scene))
     folder = RunFolder(path, force=True)
     with folder.claimed(*identity(whole.model, setup), flow):
+        keep_start(whole.scene, folder)
         whole.save(folder.result)

@@ -7,7 +7,7 @@ import pytest
 
 from ellipsoid_coupling.compiled.jit import kernel, plain
 from ellipsoid_coupling.errors import RunError
-from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow import FlowField, FlowSeries
 from ellipsoid_coupling.flow.interval import (
     Interval,
     MovingFlow,
@@ -29,7 +29,8 @@ LAST = FlowField(
 def moving(start: float = 0.3, end: float = 1.1, last: FlowField = LAST) -> MovingFlow:
     interval = Interval(FIRST.arrays, last.arrays.coefficients, np.zeros(3))
     set_span(interval.span, start, end)
-    return MovingFlow(FIRST.arrays, "a test", None, interval=interval, series_digest="none")
+    series = FlowSeries.of_fields((start, end), (FIRST, last))
+    return MovingFlow(FIRST.arrays, "a test", None, interval=interval, series=series)
 
 
 @kernel

@@ -28,7 +28,8 @@ from ellipsoid_coupling.physics.angular import (
 )
 from ellipsoid_coupling.physics.drift import External, Fluid, external_drift
 from ellipsoid_coupling.physics.jeffery import jeffery_coefficients, jeffery_rate, jeffery_slope
-from ellipsoid_coupling.physics.outer import Harmonic, outer_energy, outer_force
+from ellipsoid_coupling.physics.outer import Gravity, Harmonic, outer_energy, outer_force
+from ellipsoid_coupling.physics.outer.gravity import WithGravity
 from ellipsoid_coupling.scenes.kinds import Record
 
 GRADIENT = np.array([[0.3, -1.1], [0.7, -0.3]])  # d u_i / d x_j
@@ -70,7 +71,12 @@ def slope_of(function: Callable[[float], float], at: float) -> float:
     return (function(at + 1e-5) - function(at - 1e-5)) / 2e-5
 
 
-@pytest.mark.parametrize("potential", [Harmonic(1.7), None])
+FALLING = Gravity(0.7, -1.1)
+
+
+@pytest.mark.parametrize(
+    "potential", [Harmonic(1.7), None, FALLING, WithGravity(Harmonic(1.7), FALLING)]
+)
 def test_outer_forces_are_minus_the_gradients(potential: Record | None) -> None:
     x, y = 0.4, -0.9
     force = outer_force(potential, x, y)

@@ -96,7 +96,13 @@ def _found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None)
         path = Path(part.case)
     named = part.name, part.cells, path
     when = When(part.time, part.repeat, scene.times[-1])
-    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
+    return obtain_flow(
+        *named,
+        report=report,
+        allow_misfit=wanted.allow_misfit,
+        when=when,
+        divergence=part.divergence,
+    )
 
 
 def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:

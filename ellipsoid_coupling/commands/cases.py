@@ -58,6 +58,7 @@ def new(
     width: float | None = None,
     density: float = 2.0,
     allow_misfit: Annotated[bool, Parameter(negative="")] = False,
+    divergence: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
 
@@ -77,6 +78,8 @@ def new(
         The particles', in units of the fluid's.
     allow_misfit
         Take a flow even if it is far off the solver's U.
+    divergence
+        Keep the flow's sources, where its face fluxes phi do not close.
     """
     from ellipsoid_coupling.output import new_scene
     from ellipsoid_coupling.output.scene_choices import Wishes
@@ -84,7 +87,7 @@ def new(
     if out is not None:
         new_scene.require_new(out, force=force)
     wishes = Wishes(length, width, density)
-    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
+    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit, divergence=divergence)
     if out is None:
         print_lines(text.rstrip("\n"))
         return

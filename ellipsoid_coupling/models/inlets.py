@@ -193,7 +193,7 @@ def _moving_with_the_fluid(setup: Setup, place: Floats) -> Floats:
     # The formulas are of numbers, and hold for arrays of them.
     coefficients: Any = plain(jeffery_coefficients)
     rate: Any = plain(jeffery_rate)
-    turning = coefficients(1.0, sample.dux_dx, sample.dux_dy, sample.duy_dx, shape_factor)
+    turning = coefficients(1.0, sample.stretch, sample.dux_dy, sample.duy_dx, shape_factor)
     spin = rate(np.cos(2.0 * place[:, 2]), np.sin(2.0 * place[:, 2]), *turning)
     return np.stack((sample.velocity_x, sample.velocity_y, spin), axis=1)
 

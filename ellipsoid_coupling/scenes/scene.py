@@ -177,6 +177,8 @@ class Flow(Part):
     flow/analytic.py, or a registered one, with its `parameters`; a field that is not linear is sampled
     with `cells` cells a side of the domain.
 
+    `divergence` keeps the sources of an OpenFOAM flow, where its face fluxes do not close.
+
     `time` says which times of the case: "latest", one of them, "all", or [t_0, t_1]. With several the
     flow is linear in time in between, and the scene's time 0 is the first of them, or t_0. With `repeat`
     the last of them is the first one, one period later.
@@ -188,6 +190,7 @@ class Flow(Part):
     cells: Count = 100
     time: FlowTime = "latest"
     repeat: bool = False
+    divergence: bool = False
     drag: NotNegative
     angular_drag: NotNegative
     parameters: dict[str, Number] | None = None
@@ -196,12 +199,11 @@ class Flow(Part):
     def _check(self) -> Self:
         if (self.field is None) == (self.case is None):
             raise ValueError("either field or case")
-        if self.source == "closed_form" and (self.case, self.time, self.repeat) != (
-            None,
-            "latest",
-            False,
-        ):
-            raise ValueError("field alone for a closed form: case, time and repeat are OpenFOAM's")
+        of_openfoam = self.case, self.time, self.repeat, self.divergence
+        if self.source == "closed_form" and of_openfoam != (None, "latest", False, False):
+            raise ValueError(
+                "field alone for a closed form: case, time, repeat and divergence are OpenFOAM's"
+            )
         if not isinstance(self.time, str | float):
             require_interval("time", self.time)
         elif self.repeat and self.time != "all":
@@ -217,7 +219,7 @@ class Flow(Part):
     def named(self) -> tuple[object, ...]:
         """What the flow itself depends on: all but the rates."""
         times = self.time, self.repeat
-        return self.source, self.name, self.cells, self.parameters or {}, times
+        return self.source, self.name, self.cells, self.parameters or {}, times, self.divergence
 
 
 class InteractionPart(Part):

@@ -77,7 +77,8 @@ def flow_field(
     phi = _phi(mesh)
     if divergence != Divergence.NONE and phi is None:
         raise InputError(
-            mesh.where, "fluxes phi in m3/s through the faces, for flow.divergence = true", "none",
+            mesh.where, "fluxes phi in m3/s through the faces, for flow.divergence = true",
+            "none (one of mass is none)",
             "Let the solver write phi (potentialFoam -writephi), name the case itself instead of what "
             "foamToVTK made of it, or leave flow.divergence out.",
         )  # fmt: skip

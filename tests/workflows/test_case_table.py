@@ -41,7 +41,7 @@ def test_models_that_do_not_run_are_named() -> None:
         ("y", "yes", "0", "1 %", "runs", "fails: why"), ("z", "refused: so", "", "", "", ""),
     ]  # fmt: skip
     found = workflow("case_table").narrow(rows)
-    assert found[0] == ("case", "read", "slip", "rms", "models")
+    assert found[0] == ("case", "read", "slip", "rms", "a, b")
     assert [row[-1] for row in found[1:]] == ["all run", "b fails: why; the others run", ""]
 
 

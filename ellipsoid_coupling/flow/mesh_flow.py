@@ -122,7 +122,7 @@ def _with_sources(mesh: MeshFlow, phi: _Phi) -> _Made:
     field = found.joined(fitted(rest, found.psi, outline, found.along(mesh, walls)))
     added = float(np.linalg.norm(mesh.velocity - rest.velocity))
     part = percent(added / (float(np.linalg.norm(mesh.velocity)) or 1.0))
-    source = f"psi and chi from phi{doubt}, which has sources: grad chi is {part} of U"
+    source = f"psi and chi from phi{doubt}, of whose sources grad chi is {part} of U"
     return _Made(field, walls, source, mesh)
 
 

@@ -10,15 +10,33 @@ import pytest
 from numpy.typing import NDArray
 
 import ellipsoid_coupling as ec
+from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import FlowField, FlowSeries, When, flow_at, load_flow
+from ellipsoid_coupling.flow import (
+    FlowField,
+    FlowSeries,
+    When,
+    flow_at,
+    load_flow,
+    open_window,
+)
+from ellipsoid_coupling.flow.interval import Interval, Sample, sample_at
 from ellipsoid_coupling.flow.openfoam.case_series import read_times
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.when import Divergence
+from ellipsoid_coupling.models import plan_flow
+from ellipsoid_coupling.output.new_scene import scene_of_case
+from ellipsoid_coupling.output.scene_choices import Wishes
 from tests.flow.exact_cases import Exact, Written, annulus, lattice, plane_source, write_case
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data"
+
+
+@kernel
+def _moving_sample(flow: Interval, t: float, x: float, y: float) -> Sample:
+    return sample_at(flow, t, x, y)
+
 
 # Of the source in the ring: u = r / r^2.
 STRENGTH = 2.0 * np.pi
@@ -106,7 +124,7 @@ def test_without_the_key_it_is_refused_and_the_message_names_it(source: Path) ->
 def test_origin_tells_the_sources(field: FlowField) -> None:
     """All of this flow is grad chi; psi is 0 but for what chords miss."""
     assert field.has_sources
-    assert "psi and chi from phi, which has sources: grad chi is 100 % of U" in field.origin
+    assert "psi and chi from phi, of whose sources grad chi is 100 % of U" in field.origin
     assert field.misfit is not None
     assert field.misfit.cells < 0.01
 
@@ -210,6 +228,22 @@ def test_sources_that_grow_in_time(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.velocity_y, 1.5 * y / (x**2 + y**2), atol=0.02)
     flow.save(tmp_path / "flow.npz")
     assert load_flow(tmp_path / "flow.npz").digest == flow.digest
+    with open_window(flow) as window:
+        assert window.field is not None
+        ux, _, stretch, _, _, inside = _moving_sample(window.field.in_time, 0.3, 1.5, 0.2)
+    there = flow.at(0.3).evaluate(1.5, 0.2)
+    np.testing.assert_allclose((ux, stretch), (there.velocity_x, there.stretch), atol=1e-12)
+    assert inside
+
+
+def test_plan_and_new_tell_it(tmp_path: Path, source: Path, field: FlowField) -> None:
+    """The largest div u, here 0 but for the mesh's error; and a scene that keeps it."""
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    scene = ec.load_scene(tmp_path / "scene.toml")
+    (fact,) = (fact for fact in plan_flow(scene, field, None) if fact.name == "divergence")
+    assert abs(float(fact.value)) < 0.2
+    text = scene_of_case(source, Wishes(), divergence=True)
+    assert "\ndivergence = true  # its sources are kept\n" in text
 
 
 SCENE = """

@@ -33,6 +33,8 @@ LARGEST_GAP = 1e-3
 # A U in cells that is further off the fluxes, rms, is none: that of potentialFoam on oblique cells is 47 to
 # 100 % off, that of coarse meshes 5 %.
 LARGEST_DOUBT = 0.25
+# Of the largest speed, between cyclic sides: a spline through a lattice does not know that they are one.
+LARGEST_STEP = 1e-3
 # Of the largest speed through an edge: one that is none, as single precision has it on walls.
 NO_FLUX = 1e-6
 
@@ -61,9 +63,9 @@ def flow_field(
 
     The stream function adds up the solver's fluxes where they are there and close; else it is the one
     that fits U best, and on rectangles with an even or graded lattice, too, where that is nearer to the
-    flow on a finer mesh. OpenFOAM's own is not used: it is wrong where no face of the boundary is without
-    flux and at single points of other meshes. With `divergence`, fluxes that do not close give a potential
-    besides, see `divergence`. `origin` says how far the field is off U.
+    flow on a finer mesh, unless cyclic sides then differ. OpenFOAM's own is not used: it is wrong where no
+    face of the boundary is without flux and at single points of other meshes. With `divergence`, fluxes
+    that do not close give a potential besides, see `divergence`. `origin` says how far the field is off U.
 
     Raises InputError for a velocity that is not finite, for `divergence` without fluxes, or for a field
     that is more than `LARGEST_MISFIT` off U, unless that is allowed.
@@ -95,22 +97,47 @@ def flow_field(
 
 
 def _without_sources(mesh: MeshFlow, phi: _Phi | None) -> _Made:
-    """Of psi from phi, where that is there and closes, else from U; on lattices from U."""
-    at, closes = lattice(mesh), phi is not None and phi.gap <= LARGEST_GAP
-    if at is None and phi is not None and closes:
+    """Of psi from U on lattices, whose cyclic sides must then agree; else by a fit."""
+    at = lattice(mesh)
+    if at is not None:
+        psi = _by_velocity(mesh)
+        outline, walls = _outline(mesh, _jumps(mesh, psi))
+        field = replace(rectangle(mesh, at, psi), outline=outline)
+        if _is_periodic(mesh, field):
+            return _Made(field, walls, "psi from U", mesh)
+    if phi is not None and phi.gap <= LARGEST_GAP:
         mesh, doubt = _trusted(mesh, phi)
         psi, source = phi.psi, f"psi{' and U' if doubt else ''} from phi{doubt}"
     else:
-        psi = from_velocity(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.given)
+        psi = _by_velocity(mesh)
         why = "there is no phi" if phi is None else f"phi does not close by {percent(phi.gap)}"
-        source = "psi from U" if at is not None else f"psi from U as {why}"
-    start, stop = mesh.edges.points.T
-    outline, walls = _outline(mesh, psi[stop] - psi[start])
-    if at is None:
-        field = fitted(mesh, psi, outline, walls)
-    else:
-        field = replace(rectangle(mesh, at, psi), outline=outline)
-    return _Made(field, walls, source, mesh)
+        source = f"psi from U as {why}"
+    outline, walls = _outline(mesh, _jumps(mesh, psi))
+    return _Made(fitted(mesh, psi, outline, walls), walls, source, mesh)
+
+
+def _by_velocity(mesh: MeshFlow) -> Array:
+    return from_velocity(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.given)
+
+
+def _jumps(mesh: MeshFlow, psi: Array) -> Array:
+    """(E,), of psi (P,) along the edges."""
+    return np.asarray(psi[mesh.edges.points[:, 1]] - psi[mesh.edges.points[:, 0]])
+
+
+def _is_periodic(mesh: MeshFlow, field: FlowField) -> bool:
+    """Whether a field is the same at both of two cyclic sides of its rectangle; so too without any."""
+    cyclic = [k for k, part in enumerate(mesh.patches.values()) if part.kind == "cyclic"]
+    at = mesh.middles[mesh.rim.edge[np.isin(mesh.rim.patch, cyclic)]]
+    for axis, (low, high) in enumerate(np.reshape(field.bounds, (2, 2)).tolist()):
+        here = at[np.abs(at[:, axis] - low) <= SINGLE * (high - low)]
+        there = here.copy()
+        there[:, axis] = high
+        one, other = field.evaluate(*here.T), field.evaluate(*there.T)
+        jump = np.hypot(one.velocity_x - other.velocity_x, one.velocity_y - other.velocity_y)
+        if jump.max(initial=0.0) > LARGEST_STEP * mesh.top_speed:
+            return False
+    return True
 
 
 def _with_sources(mesh: MeshFlow, phi: _Phi) -> _Made:

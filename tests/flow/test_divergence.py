@@ -230,7 +230,9 @@ def test_sources_that_grow_in_time(tmp_path: Path) -> None:
     assert load_flow(tmp_path / "flow.npz").digest == flow.digest
     with open_window(flow) as window:
         assert window.field is not None
-        ux, _, stretch, _, _, inside = _moving_sample(window.field.in_time, 0.3, 1.5, 0.2)
+        interval = window.field.in_time
+        assert isinstance(interval, Interval)
+        ux, _, stretch, _, _, inside = _moving_sample(interval, 0.3, 1.5, 0.2)
     there = flow.at(0.3).evaluate(1.5, 0.2)
     np.testing.assert_allclose((ux, stretch), (there.velocity_x, there.stretch), atol=1e-12)
     assert inside

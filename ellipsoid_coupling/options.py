@@ -293,3 +293,16 @@ def print_lines(*lines: str) -> None:
     """Lines on standard output, without what a terminal would obey."""
     for line in lines:
         sys.stdout.write(shown(line) + "\n")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class NewParticles:
+    """What is known of the particles of a new scene."""
+
+    length: Annotated[
+        float | None,
+        Parameter(help="In the units of the case; a 50th of its shorter side if left out."),
+    ] = None
+    width: Annotated[float | None, Parameter(help="Half the length if left out.")] = None
+    density: Annotated[float, Parameter(help="The particles', in units of the fluid's.")] = 2.0

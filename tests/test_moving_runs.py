@@ -246,7 +246,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(
         ("flow.time=first", "flow.time"),
         ("flow.time=[1.0, 0.5]", "time = [low, high] with low < high"),
         ("flow.field=cavity", "either field or case"),
-        ("flow.source=closed_form", "case, time and repeat are OpenFOAM's"),
+        ("flow.source=closed_form", "case, time, repeat and divergence are OpenFOAM's"),
         ("flow.case=elsewhere", "elsewhere: expected a solved OpenFOAM case folder"),
     ):
         assert status_of(*tokens, setting) == 2, setting

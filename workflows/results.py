@@ -2,9 +2,9 @@
 
     bash workflows/results.sh [--only PART ...] [--quick] [--out DIR] [--pages DIR]
 
-Runs the main job, the paper again, ellipses in two flows, the frontier, the stability map and the
-benchmark, one after another, each into a folder of its own below --out. Then it replaces the tables
-that the pages include and the pictures that they and the README show, which it stamps: those of the
+Runs the main job, ellipses in two flows, the paper again, the frontier, the stability map, the benchmark
+and the table of cases, one after another, each into a folder of its own below --out. Then it replaces the
+tables that the pages include and the pictures that they and the README show, which it stamps: those of the
 checkout, or with --pages those below another folder.
 """
 
@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import benchmark
+import case_table
 import cavity
 import flow_pictures
 import frontier
@@ -103,6 +104,17 @@ def told_by_benchmark(folder: Path, *, quick: bool) -> Told:
     return Told([columns, *rows], f"Limits of the machine: {limits}.")
 
 
+def told_by_cases(folder: Path, *, quick: bool) -> Told:
+    """What is made of solved cases: each read or refused, and each model's run on it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    cases: Iterable[Path] = case_table.known_cases(folder)
+    if quick:
+        cases = [case_table.DATA / "cylinder_8"]
+    models = case_table.all_models()
+    rows = list(case_table.table(cases, models[:1] if quick else models, 300.0))
+    return Told(case_table.narrow(rows))
+
+
 PARTS: dict[str, Callable[..., Told]] = {
     "cavity": told_by_cavity,
     "flows": told_by_flows,
@@ -110,6 +122,7 @@ PARTS: dict[str, Callable[..., Told]] = {
     "frontier": told_by_frontier,
     "stability": told_by_stability,
     "benchmark": told_by_benchmark,
+    "cases": told_by_cases,
 }
 # Pictures that the pages show under another name than the part gives them.
 RENAMED = {"frontier": ("error_against_run_time_cavity_free.png", "frontier_cavity_free.png")}

@@ -8,10 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.options import OptionalWhole, Output, Whole, print_lines
+from ellipsoid_coupling.options import NewParticles, OptionalWhole, Output, Whole, print_lines
 from ellipsoid_coupling.output.progress import ProgressReporter
 
-_OUTPUT = Output()
+_OUTPUT, _PARTICLES = Output(), NewParticles()
 
 
 def flow(
@@ -55,11 +55,10 @@ def new(
     *,
     out: Path | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
-    length: float | None = None,
-    width: float | None = None,
-    density: float = 2.0,
+    particles: NewParticles = _PARTICLES,
     allow_misfit: Annotated[bool, Parameter(negative="")] = False,
     schema: Annotated[bool, Parameter(negative="")] = False,
+    divergence: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Write a scene for a solved case, ready to run and to edit; without --out to standard output.
 
@@ -71,16 +70,12 @@ def new(
         The scene file (.toml).
     force
         Overwrite it.
-    length
-        Of a particle, in the units of the case; a 50th of its shorter side if left out.
-    width
-        Of a particle; half its length if left out.
-    density
-        The particles', in units of the fluid's.
     allow_misfit
         Take a flow even if it is far off the solver's U.
     schema
         With --out: write scene.schema.json beside it as well, and the line that leads editors there.
+    divergence
+        Keep the flow's sources, where its face fluxes phi do not close.
     """
     from ellipsoid_coupling.output import new_scene, scene_schema
     from ellipsoid_coupling.output.scene_choices import Wishes
@@ -91,8 +86,8 @@ def new(
             scene_schema.require_place(out.with_name(scene_schema.SCHEMA_FILE), force=force)
     elif schema:
         raise InputError("--schema", "--out with the scene's file", "none", "Add --out.")
-    wishes = Wishes(length, width, density)
-    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit)
+    wishes = Wishes(particles.length, particles.width, particles.density)
+    text = new_scene.scene_of_case(case, wishes, allow_misfit=allow_misfit, divergence=divergence)
     if out is None:
         print_lines(text.rstrip("\n"))
         return

@@ -43,7 +43,7 @@ MOST_FLOW_BYTES = 250_000_000
 MOST_SERIES_BYTES = 4_000_000_000
 MOST_SERIES_TIMES = 10_000
 # Arrays in it: four; those of a checkpoint: some ten for every save time.
-MOST_FLOW_ARRAYS = 10
+MOST_FLOW_ARRAYS = 11
 MOST_CHECKPOINT_ARRAYS = 200_000
 # Times of a solved case that are looked at to find the last one.
 MOST_TIMES = 100_000

@@ -8,7 +8,8 @@ psi is one constant on all corners of a closed wall, so that nothing flows throu
       o---o---*###*
       |   |   *###*
 
-Corners on sides of the domain that no outline closes keep their own psi.
+Corners on sides of the domain that no outline closes keep their own psi. Where the flow has sources, the
+mean of grad chi over each open face comes on top.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ellipsoid_coupling.finite_volume.fluid_lines import HIGH, LOW, Ends, LineTa
 from ellipsoid_coupling.finite_volume.fluxes.in_fluid import FluidMotion
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.flow.stream_values import stream_values
+from ellipsoid_coupling.flow.stream_values import chi_slopes, psi_coefficients, stream_values
 from ellipsoid_coupling.geometry.boundaries import Inlet, at_side
 from ellipsoid_coupling.geometry.fluid_cells import FluidCells, nearest_edges
 
@@ -33,6 +34,8 @@ Indices = NDArray[np.int64]
 
 # A wall whose psi varies by more than this part of all psi is none: fluid crosses it.
 _TIGHT = 0.05
+# Gauss' two points of a face, from its middle, in cells.
+_GAUSS = 0.5 / np.sqrt(3.0)
 # Of an edge's length: ends so near to one another are one point.
 _SAME_POINT = 1e-6
 
@@ -97,7 +100,7 @@ def _wall_values(flow: FlowField, ends: Ends) -> Floats:
     mean = np.bincount(part, length * at_ends.mean(axis=1)) / np.bincount(part, length)
     far = np.zeros(mean.size)
     np.maximum.at(far, part, np.abs(at_ends - mean[part][:, None]).max(axis=1))
-    spread = float(np.ptp(flow.arrays.coefficients))
+    spread = float(np.ptp(psi_coefficients(flow.arrays)))
     values[edges] = np.where(far[part] <= _TIGHT * spread, mean[part], np.nan)
     return values
 
@@ -114,14 +117,38 @@ def _connected(ends: Floats) -> Indices:
     return np.asarray(np.unique(part[start], return_inverse=True)[1])
 
 
+def chi_at_faces(flow: FlowField, grid: Grid, axis: int) -> Floats | None:
+    """Grad chi through the faces across an axis, (ny, nx + 1) or (ny + 1, nx); None without sources.
+
+    By Gauss' two points on each face; beyond the flow's rectangle as at its rim.
+    """
+    if flow.arrays.chi is None:
+        return None
+    x_low, x_high, y_low, y_high = flow.bounds
+    found = []
+    for aside in (-_GAUSS * grid.cell, _GAUSS * grid.cell):
+        places = (grid.x_edges, grid.y + aside) if axis == -1 else (grid.x + aside, grid.y_edges)
+        x, y = np.meshgrid(*places)
+        slopes = chi_slopes(flow.arrays, np.clip(x, x_low, x_high), np.clip(y, y_low, y_high))
+        found.append(slopes[-1 - axis])
+    return np.asarray(0.5 * (found[0] + found[1]))
+
+
 class CellFaces:
     """The fluid's velocity at both faces of every cell along one axis, (2, ny, nx); 0 where no fluid is."""
 
     def __init__(
-        self, corners: Floats, cells: FluidCells, ends: Ends, cell: float, axis: int
+        self,
+        corners: Floats,
+        cells: FluidCells,
+        ends: Ends,
+        cell: float,
+        axis: int,
+        chi: Floats | None = None,
     ) -> None:
         change = np.diff(corners, axis=0) if axis == -1 else -np.diff(corners, axis=1)
         change = change / cell
+        change = change if chi is None else change + chi
         low = change[:, :-1] if axis == -1 else change[:-1]
         high = change[:, 1:] if axis == -1 else change[1:]
         faces, sides = (cells.x, (0, 1)) if axis == -1 else (cells.y, (2, 3))

@@ -2,7 +2,8 @@
 
     u = (d psi/dy, -d psi/dx),   psi(x, y) = sum_ij c_ij B((y - y_i)/dy) B((x - x_j)/dx)
 
-with the cubic B-spline B, so velocity and gradient come from the same 16 coefficients:
+with the cubic B-spline B, so velocity and gradient come from the same 16 coefficients. A flow with sources
+has a potential chi besides, on the same nodes, and u = rot psi + grad chi; see `slopes`.
 
         j=0  1   2  ...  nx+2        coefficients, (ny+3, nx+3), axis order (y, x)
          o   o   o   o   o
@@ -29,9 +30,12 @@ from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.rows import element
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.flow.misfit import Misfit
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.saved import outline_arrays, read_saved
+from ellipsoid_coupling.flow.slopes import Chi, slopes, velocity_of
 from ellipsoid_coupling.flow.spline import WallVelocity, stream_coefficients
+from ellipsoid_coupling.flow.stream_values import divergence_values
 from ellipsoid_coupling.flow.user_methods import FlowMethods
 
 if TYPE_CHECKING:
@@ -48,10 +52,11 @@ _POINTS = 401
 class FlowArrays(NamedTuple):
     """What compiled kernels get of a `FlowField`.
 
-    coefficients : float64 (ny+3, nx+3), axis order (y, x), of psi
+    coefficients : float64 (ny+3, nx+3), axis order (y, x), of psi; with chi twice as many rows
     x0, y0 : the lower left node; inverse_dx, inverse_dy : cells per unit length
     x_low ... y_high : where the field is defined, rim included; infinite for analytic flows
     mask : uint8 (ny, nx), 1 where the cell lies in the flow
+    chi : where the coefficients of chi begin; None for a flow without sources
     """
 
     coefficients: Array
@@ -64,10 +69,11 @@ class FlowArrays(NamedTuple):
     y_low: float
     y_high: float
     mask: NDArray[np.uint8]
+    chi: Chi | None = None
 
 
 class FlowSample(NamedTuple):
-    """Velocity and gradient at points, arrays of one shape; d u_y/dy is -dux_dx."""
+    """Velocity and gradient at points, arrays of one shape; without sources duy_dy is -dux_dx."""
 
     velocity_x: Array
     velocity_y: Array
@@ -75,6 +81,12 @@ class FlowSample(NamedTuple):
     dux_dy: Array
     duy_dx: Array
     inside: NDArray[np.bool_]
+    duy_dy: Array
+
+    @property
+    def stretch(self) -> Array:
+        """(dux_dx - duy_dy)/2, all that Jeffery's term takes of both."""
+        return np.asarray(0.5 * (self.dux_dx - self.duy_dy))
 
 
 @inline_kernel
@@ -111,56 +123,26 @@ def nearest(
 
 
 @inline_kernel
-def _row(
-    c: Array, first: int, t: float, s: float, weights: tuple[float, float, float, float]
-) -> tuple[float, float, float]:
-    """Value, slope and curvature along x (per cell) of four coefficients in a row; s = 1 - t."""
-    c0, c1 = element(c, first), element(c, first + 1)
-    c2, c3 = element(c, first + 2), element(c, first + 3)
-    value = weights[0] * c0 + weights[1] * c1 + weights[2] * c2 + weights[3] * c3
-    # Derivatives of a B-spline are B-splines of the differences: fewer operations, same rounding.
-    d0, d1, d2 = c1 - c0, c2 - c1, c3 - c2
-    slope = 0.5 * s * s * d0 + (0.5 + t * s) * d1 + 0.5 * t * t * d2
-    curvature = s * (d1 - d0) + t * (d2 - d1)
-    return value, slope, curvature
-
-
-@inline_kernel
 def sample_flow(
     flow: FlowArrays, x: float, y: float
 ) -> tuple[float, float, float, float, float, bool]:
-    """(ux, uy, dux_dx, dux_dy, duy_dx, inside) at one point; duy_dy = -dux_dx.
+    """(ux, uy, stretch, dux_dy, duy_dx, inside) at one point; for the stretch see `velocity_of`.
 
     Outside, the polynomial of the nearest cell is continued and `inside` is False; a position that
     is not a number is outside.
     """
     c = flow.coefficients
     ny, nx = flow.mask.shape
-    gx, gy = flow.inverse_dx, flow.inverse_dy
-    t, r = (x - flow.x0) * gx, (y - flow.y0) * gy
+    per = flow.inverse_dx, flow.inverse_dy
+    t, r = (x - flow.x0) * per[0], (y - flow.y0) * per[1]
     j, i = _cell(t, nx), _cell(r, ny)
-    t, r = t - j, r - i
-    s, q = 1.0 - t, 1.0 - r
-    # Weights of the uniform cubic B-spline in x, the outer and the inner two.
-    inner = 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s)
-    weights = s * s * s / 6.0, inner[0], inner[1], t * t * t / 6.0
-    row = c.shape[1]
-    first = i * row + j
-    v0, m0, k0 = _row(c, first, t, s, weights)
-    v1, m1, k1 = _row(c, first + row, t, s, weights)
-    v2, m2, k2 = _row(c, first + 2 * row, t, s, weights)
-    v3, m3, k3 = _row(c, first + 3 * row, t, s, weights)
-    w0, w3 = q * q * q / 6.0, r * r * r / 6.0
-    w1, w2 = 2.0 / 3.0 - r * r * (1.0 - 0.5 * r), 2.0 / 3.0 - q * q * (1.0 - 0.5 * q)
-    e0, e1, e2 = 0.5 * q * q, 0.5 + r * q, 0.5 * r * r
-    psi_x = gx * (w0 * m0 + w1 * m1 + w2 * m2 + w3 * m3)
-    psi_y = gy * (e0 * (v1 - v0) + e1 * (v2 - v1) + e2 * (v3 - v2))
-    psi_xx = gx * gx * (w0 * k0 + w1 * k1 + w2 * k2 + w3 * k3)
-    psi_xy = gx * gy * (e0 * (m1 - m0) + e1 * (m2 - m1) + e2 * (m3 - m2))
-    psi_yy = gy * gy * (q * (v2 - 2.0 * v1 + v0) + r * (v3 - 2.0 * v2 + v1))
+    first, place = i * c.shape[1] + j, (t - j, r - i)
+    psi = slopes(c, first, place, per)
+    ux, uy, stretch, dux_dy, duy_dx = velocity_of(flow.chi, psi, c, first, place, per)
     # `and` would branch, which takes as long as all of the above.
     inside = (flow.x_low <= x) & (x <= flow.x_high) & (flow.y_low <= y) & (y <= flow.y_high)
-    return psi_y, -psi_x, psi_xy, psi_yy, -psi_xx, inside & (element(flow.mask, i * nx + j) != 0)
+    inside = inside & (element(flow.mask, i * nx + j) != 0)
+    return ux, uy, stretch, dux_dy, duy_dx, inside
 
 
 @kernel
@@ -181,11 +163,13 @@ class FlowField(FlowMethods):
     arrays : what compiled kernels take, see `FlowArrays` and `sample_flow`
     origin : where the flow came from, one line
     outline : where the fluid ends, patch by patch; None where nothing is known of that
+    misfit : how far it is off the U of the solver that it was read from; None where there is none
     """
 
     arrays: FlowArrays
     origin: str
     outline: Outline | None = None
+    misfit: Misfit | None = None
 
     @classmethod
     def from_stream_function(
@@ -245,7 +229,7 @@ class FlowField(FlowMethods):
     def digest(self) -> str:
         """What tells two flows apart: a hash of their numbers, whatever they are called."""
         digest = hashlib.sha256()
-        for part in self.arrays:
+        for part in self.arrays[:10] if self.arrays.chi is None else self.arrays:
             digest.update(np.ascontiguousarray(part).tobytes())
         if self.outline is not None:
             for numbers in self.outline[:3]:
@@ -258,6 +242,11 @@ class FlowField(FlowMethods):
         """(ny, nx), the spline's cells."""
         ny, nx = self.arrays.mask.shape
         return ny, nx
+
+    @property
+    def has_sources(self) -> bool:
+        """Whether it is not free of divergence: u = rot psi + grad chi."""
+        return self.arrays.chi is not None
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -309,8 +298,10 @@ class FlowField(FlowMethods):
         out = np.empty((5, points[0].size))
         inside = np.empty(points[0].size, np.bool_)
         _sample_many(self.arrays, points[0].ravel(), points[1].ravel(), out, inside)
-        ux, uy, dux_dx, dux_dy, duy_dx = out.reshape(5, *shape)
-        return FlowSample(ux, uy, dux_dx, dux_dy, duy_dx, inside.reshape(shape))
+        ux, uy, stretch, dux_dy, duy_dx = out.reshape(5, *shape)
+        half = 0.5 * divergence_values(self.arrays, *points)
+        dux_dx, duy_dy = stretch + half, half - stretch
+        return FlowSample(ux, uy, dux_dx, dux_dy, duy_dx, inside.reshape(shape), duy_dy)
 
     def continued(self, x: ArrayLike, y: ArrayLike) -> FlowSample:
         """As `evaluate`, at the nearest point of the flow's rectangle: ghost cells see walls."""
@@ -325,6 +316,7 @@ class FlowField(FlowMethods):
             "mask": self.arrays.mask,
             "origin": np.array(self.origin),
             **({} if self.outline is None else outline_arrays(self.outline)),
+            **({} if self.misfit is None else {"misfit": np.array(self.misfit)}),
         }
         with whole_file(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
@@ -340,7 +332,8 @@ class FlowField(FlowMethods):
         x0, y0, gx, gy, x_low, x_high, y_low, y_high = saved.numbers
         limits = (x_low, x_high, y_low, y_high)
         return cls(
-            FlowArrays(saved.coefficients, x0, y0, gx, gy, *limits, saved.mask),
+            FlowArrays(saved.coefficients, x0, y0, gx, gy, *limits, saved.mask, saved.chi),
             saved.origin,
             saved.outline,
+            saved.misfit,
         )

@@ -51,7 +51,7 @@ def fitted(mesh: MeshFlow, psi: Array, outline: Outline, walls: WallEdges) -> Fl
     outline : relative to the mesh's corner
     walls : the edges that no fluid crosses
     """
-    nodes, finer = _nodes(mesh)
+    nodes, finer = mesh_nodes(mesh)
     x, y = nodes.lines()
     inside = fluid_cells(outline.ends, x, y)
     at_walls = wall_points(mesh.points, walls)
@@ -62,13 +62,13 @@ def fitted(mesh: MeshFlow, psi: Array, outline: Outline, walls: WallEdges) -> Fl
         Equations(spline_rows(nodes, mesh.points, ""), psi).weighted(1.0 / h),
         *(part.weighted(U_IN_CELLS) for part in _in_cells(nodes, mesh)),
         *_on_walls(nodes, np.repeat(psi[walls.start], PLACES.size), at_walls),
-        *_periods(nodes, mesh, psi, outline, used),
+        *periods(nodes, mesh, psi, outline, used),
         third_differences(used).weighted(SMOOTH * finer / h),
     ]
     return FlowField.from_coefficients(solve(equations, used), x, y, "", inside, outline)
 
 
-def _nodes(mesh: MeshFlow) -> tuple[Nodes, float]:
+def mesh_nodes(mesh: MeshFlow) -> tuple[Nodes, float]:
     """A grid over the mesh's rectangle, and how many times it is finer than the mean cell."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     width, height = (high - low).tolist()
@@ -103,7 +103,7 @@ def _on_walls(nodes: Nodes, psi: Array, points: WallPoints) -> tuple[Equations, 
     )
 
 
-def _periods(
+def periods(
     nodes: Nodes, mesh: MeshFlow, psi: Array, outline: Outline, used: NDArray[np.bool_]
 ) -> list[Equations]:
     """Psi is the same at cyclic sides of the mesh's rectangle, but for the flux between them.

@@ -73,7 +73,7 @@ def between(part: float, first: float, last: float) -> float:
 
 @chosen_by_type
 def sample_at(flow: FlowArrays | Interval, t: float, x: float, y: float) -> Sample:
-    """`sample_flow` at the time t: (ux, uy, dux_dx, dux_dy, duy_dx, inside)."""
+    """`sample_flow` at the time t: (ux, uy, stretch, dux_dy, duy_dx, inside)."""
     raise NotImplementedError
 
 
@@ -92,12 +92,12 @@ def _sample_between(flow: Interval, t: float, x: float, y: float) -> Sample:
     s = part_of(flow.span, t)
     # Of the same numbers, so that the compiler finds the weights of the place once for both.
     last = FlowArrays(flow.last, *flow.first[1:])
-    ux, uy, dux_dx, dux_dy, duy_dx, inside = sample_flow(flow.first, x, y)
-    later_ux, later_uy, later_xx, later_xy, later_yx, _ = sample_flow(last, x, y)
+    ux, uy, stretch, dux_dy, duy_dx, inside = sample_flow(flow.first, x, y)
+    later_ux, later_uy, later_stretch, later_xy, later_yx, _ = sample_flow(last, x, y)
     return (
         between(s, ux, later_ux),
         between(s, uy, later_uy),
-        between(s, dux_dx, later_xx),
+        between(s, stretch, later_stretch),
         between(s, dux_dy, later_xy),
         between(s, duy_dx, later_yx),
         inside,

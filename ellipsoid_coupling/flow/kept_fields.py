@@ -18,6 +18,8 @@ from ellipsoid_coupling.files.cache import cache_home
 from ellipsoid_coupling.files.limits import MOST_CASE_FILE_BYTES
 from ellipsoid_coupling.files.reading import is_ordinary, read_bytes
 from ellipsoid_coupling.flow.field import FlowField
+from ellipsoid_coupling.flow.misfit import require_near
+from ellipsoid_coupling.flow.when import Divergence
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.flow.openfoam.reader import Sources
@@ -26,7 +28,9 @@ if TYPE_CHECKING:
 _MOST_KEPT = 200
 
 
-def kept_field(path: Path, *, allow_misfit: bool = False) -> FlowField:
+def kept_field(
+    path: Path, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+) -> FlowField:
     """The field of a solved case or of what foamToVTK wrote, from the cache where it is there.
 
     Parameters and errors as `reader.read_flow`. A file in the cache that is no saved flow, or one of
@@ -37,21 +41,31 @@ def kept_field(path: Path, *, allow_misfit: bool = False) -> FlowField:
 
     try:
         with sources(path) as made_from:
-            key = _key(made_from, allow_misfit)
+            key = _key(made_from, divergence)
     except InputError:  # the reader knows better what each file should have been
-        return read_flow(path, allow_misfit=allow_misfit)
+        return read_flow(path, allow_misfit=allow_misfit, divergence=divergence)
     saved = cache_home() / "fields" / f"{key}.npz"
+    field = _loaded(saved, made_from)
+    if field is None:
+        # Whether it is too far off is asked of each who takes it.
+        field = read_flow(path, allow_misfit=True, divergence=divergence)
+        if _is_of(field, made_from):
+            with suppress(WriteError):
+                field.save(saved)
+                _forget_old(saved.parent)
+    if field.misfit is not None and not allow_misfit:
+        require_near(made_from.where, field.misfit)
+    return field
+
+
+def _loaded(saved: Path, made_from: Sources) -> FlowField | None:
+    """The field in the cache; None where there is none of this case."""
     if is_ordinary(saved):
         with suppress(InputError):
             field = FlowField.load(saved)
-            if _is_of(field, made_from):
+            if _is_of(field, made_from) and field.misfit is not None:
                 return field
-    field = read_flow(path, allow_misfit=allow_misfit)
-    if _is_of(field, made_from):
-        with suppress(WriteError):
-            field.save(saved)
-            _forget_old(saved.parent)
-    return field
+    return None
 
 
 def _is_of(field: FlowField, made_from: Sources) -> bool:
@@ -59,8 +73,8 @@ def _is_of(field: FlowField, made_from: Sources) -> bool:
     return field.origin.startswith(f"{made_from.origin},")
 
 
-def _key(made_from: Sources, allow_misfit: bool) -> str:
-    digest = hashlib.sha256(f"{_own_sources()} {allow_misfit} {made_from.origin}".encode())
+def _key(made_from: Sources, divergence: Divergence) -> str:
+    digest = hashlib.sha256(f"{_own_sources()} {divergence.name} {made_from.origin}".encode())
     for file in made_from.files:
         content = read_bytes(file, "a file of a case", MOST_CASE_FILE_BYTES)
         # With the length, so that no file's content can pass for two files.

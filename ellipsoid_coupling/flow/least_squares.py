@@ -4,7 +4,7 @@ Each equation takes the 16 coefficients around a point, or differences of neighb
 equations are sparse: a coefficient meets 7 x 7 others. They are solved by elimination in the order of
 nested dissection, which for n coefficients takes n^(3/2) operations and n log n numbers:
 
-    1 1 1 1 | 2 2 2 2       first the parts, then the strip between them, three coefficients wide;
+    1 1 1 1 | 2 2 2 2       first the parts, then the strip between them, as wide as equations reach;
     1 1 1 1 | 2 2 2 2       each part is divided in the same way
 """
 
@@ -24,8 +24,8 @@ from ellipsoid_coupling.flow.polygons import Index
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Coefficients that are eliminated without further division, and half a strip's width.
-_SMALL, _HALF = 64, 1
+# Coefficients that are eliminated without further division.
+_SMALL = 64
 
 
 class Nodes(NamedTuple):
@@ -133,37 +133,47 @@ def third_differences(used: Mask) -> Equations:
     return Equations(joined, np.zeros(joined.shape[0]))
 
 
-def solve(equations: list[Equations], used: Mask) -> Array:
-    """(ny+3, nx+3), the best coefficients; those that are not used repeat the nearest one that is."""
+def solve(equations: list[Equations], used: Mask, reach: int = 3, rounds: int = 0) -> Array:
+    """(ny+3, nx+3), the best coefficients; those that are not used repeat the nearest one that is.
+
+    reach : how far apart coefficients of one equation are at most
+    rounds : of refinement, for equations whose squares lose too many digits
+    """
     free = np.flatnonzero(used)
     rows = csr_array(vstack([part.rows for part in equations])).tocsc()[:, free].tocsr()
     values = np.concatenate([part.values for part in equations])
-    order = _dissected(np.stack(np.divmod(free, used.shape[1])))
+    order = _dissected(np.stack(np.divmod(free, used.shape[1])), reach // 2)
     rows = rows[:, order]
     normal = (rows.T @ rows).tocsc()
-    found = splu(
+    factors = splu(
         normal, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    ).solve(rows.T @ values)
+    )
+    found = factors.solve(rows.T @ values)
+    for _ in range(rounds):
+        found = found + factors.solve(rows.T @ (values - rows @ found))
     coefficients = np.zeros(used.shape)
     coefficients.ravel()[free[order]] = found
     nearest = distance_transform_edt(~used, return_distances=False, return_indices=True)
     return np.ascontiguousarray(coefficients[tuple(nearest)])
 
 
-def _dissected(places: Index) -> Index:
-    """An order of elimination (n,) for coefficients at rows and columns (2, n)."""
+def _dissected(places: Index, half: int = 1) -> Index:
+    """An order of elimination (n,) for coefficients at rows and columns (2, n).
+
+    half : of a strip's width
+    """
     order: list[Index] = []
     # Parts are put in front of what has been put before: strips first, then both of their sides.
     waiting = [np.arange(places.shape[1])]
     while waiting:
         part = waiting.pop()
         along = places[int(np.argmax(np.ptp(places[:, part], axis=1)))][part]
-        if part.size <= _SMALL or np.ptp(along) <= 2 * _HALF:
+        if part.size <= _SMALL or np.ptp(along) <= 2 * half:
             order.append(part)
             continue
         middle = int(np.median(along))
-        strip = np.abs(along - middle) <= _HALF
+        strip = np.abs(along - middle) <= half
         order.append(part[strip])
-        sides = part[along < middle - _HALF], part[along > middle + _HALF]
+        sides = part[along < middle - half], part[along > middle + half]
         waiting += [side for side in sides if side.size]
     return np.concatenate(order[::-1])

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.divergence import sources
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.fitted import fitted
 from ellipsoid_coupling.flow.mesh import MeshFlow
+from ellipsoid_coupling.flow.misfit import LARGEST_MISFIT, Misfit, percent, require_near
 from ellipsoid_coupling.flow.openfoam.plane import SINGLE
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.rectangle import lattice, rectangle
@@ -21,39 +23,52 @@ from ellipsoid_coupling.flow.stream_function import (
     velocity_of_fluxes,
 )
 from ellipsoid_coupling.flow.wall_curves import PLACES, WallEdges, wall_points
+from ellipsoid_coupling.flow.when import Divergence
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-# A field further off U than this, rms over the fluid's area or over the edges of walls, is another flow.
-LARGEST_MISFIT = 0.05
 # Of psi's range: fluxes that close worse are those of a flow with sources, or of a moving mesh.
 LARGEST_GAP = 1e-3
 # A U in cells that is further off the fluxes, rms, is none: that of potentialFoam on oblique cells is 47 to
 # 100 % off, that of coarse meshes 5 %.
 LARGEST_DOUBT = 0.25
+# Of the largest speed, between cyclic sides: a spline through a lattice does not know that they are one.
+LARGEST_STEP = 1e-3
 # Of the largest speed through an edge: one that is none, as single precision has it on walls.
 NO_FLUX = 1e-6
 
 
-class _Stream(NamedTuple):
-    """psi (P,) at the mesh points, where it came from, in words, and the case with the U to it."""
+class _Phi(NamedTuple):
+    """The solver's fluxes (E,), 0 on walls, as jumps of psi; psi (P,) by them; how well they close."""
 
+    flux: Array
     psi: Array
+    gap: float
+
+
+class _Made(NamedTuple):
+    """A field, its walls, where it came from in words, and the case with the U to it."""
+
+    field: FlowField
+    walls: WallEdges
     source: str
     mesh: MeshFlow
 
 
-def flow_field(mesh: MeshFlow, *, allow_misfit: bool = False) -> FlowField:
-    """The divergence-free field of a solved plane case, walls honoured.
+def flow_field(
+    mesh: MeshFlow, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+) -> FlowField:
+    """The field of a solved plane case, walls honoured, free of divergence unless sources are asked for.
 
     The stream function adds up the solver's fluxes where they are there and close; else it is the one
     that fits U best, and on rectangles with an even or graded lattice, too, where that is nearer to the
-    flow on a finer mesh. OpenFOAM's own is not used: it is wrong where no face of the boundary is without
-    flux and at single points of other meshes. `origin` says how far the field is off U.
+    flow on a finer mesh, unless cyclic sides then differ. OpenFOAM's own is not used: it is wrong where no
+    face of the boundary is without flux and at single points of other meshes. With `divergence`, fluxes
+    that do not close give a potential besides, see `divergence`. `origin` says how far the field is off U.
 
-    Raises InputError for a velocity that is not finite, or that the field is more than
-    `LARGEST_MISFIT` off, unless that is allowed.
+    Raises InputError for a velocity that is not finite, for `divergence` without fluxes, or for a field
+    that is more than `LARGEST_MISFIT` off U, unless that is allowed.
     """
     if not np.isfinite(mesh.velocity).all():
         bad = int(np.count_nonzero(~np.isfinite(mesh.velocity)))
@@ -61,38 +76,99 @@ def flow_field(mesh: MeshFlow, *, allow_misfit: bool = False) -> FlowField:
             mesh.where, "finite values of U", f"{bad} NaN or infinite ones",
             "Solve the case again; its run has diverged.",
         )  # fmt: skip
+    phi = _phi(mesh)
+    if divergence != Divergence.NONE and phi is None:
+        raise InputError(
+            mesh.where, "fluxes phi in m3/s through the faces, for flow.divergence = true",
+            "none (one of mass is none)",
+            "Let the solver write phi (potentialFoam -writephi), name the case itself instead of what "
+            "foamToVTK made of it, or leave flow.divergence out.",
+        )  # fmt: skip
+    is_open = phi is not None and phi.gap > LARGEST_GAP
+    wanted = divergence == Divergence.ALWAYS or (is_open and divergence != Divergence.NONE)
+    made = _without_sources(mesh, phi) if phi is None or not wanted else _with_sources(mesh, phi)
+    misfit = _measured(made)
+    if phi is not None and is_open and not wanted:
+        misfit = misfit._replace(gap=phi.gap)
+    if not allow_misfit:
+        require_near(mesh.where, misfit)
+    told = f"{mesh.origin}, {_told(made, misfit)}; {made.source}"
+    return replace(_moved(made.field, mesh.corner), origin=told, misfit=misfit)
+
+
+def _without_sources(mesh: MeshFlow, phi: _Phi | None) -> _Made:
+    """Of psi from U on lattices, whose cyclic sides must then agree; else by a fit."""
     at = lattice(mesh)
-    stream = _by_velocity(mesh, "psi from U") if at is not None else _stream(mesh)
-    mesh = stream.mesh
-    outline, walls = _outline(mesh, stream.psi)
-    if at is None:
-        field = fitted(mesh, stream.psi, outline, walls)
+    if at is not None:
+        psi = _by_velocity(mesh)
+        outline, walls = _outline(mesh, _jumps(mesh, psi))
+        field = replace(rectangle(mesh, at, psi), outline=outline)
+        if _is_periodic(mesh, field):
+            return _Made(field, walls, "psi from U", mesh)
+    if phi is not None and phi.gap <= LARGEST_GAP:
+        mesh, doubt = _trusted(mesh, phi)
+        psi, source = phi.psi, f"psi{' and U' if doubt else ''} from phi{doubt}"
     else:
-        field = replace(rectangle(mesh, at, stream.psi), outline=outline)
-    told = f"{mesh.origin}, {_told(mesh, field, walls, allow_misfit)}; {stream.source}"
-    return replace(_moved(field, mesh.corner), origin=told)
+        psi = _by_velocity(mesh)
+        why = "there is no phi" if phi is None else f"phi does not close by {percent(phi.gap)}"
+        source = f"psi from U as {why}"
+    outline, walls = _outline(mesh, _jumps(mesh, psi))
+    return _Made(fitted(mesh, psi, outline, walls), walls, source, mesh)
 
 
-def _stream(mesh: MeshFlow) -> _Stream:
-    """From phi, where that is there and closes, else from U."""
+def _by_velocity(mesh: MeshFlow) -> Array:
+    return from_velocity(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.given)
+
+
+def _jumps(mesh: MeshFlow, psi: Array) -> Array:
+    """(E,), of psi (P,) along the edges."""
+    return np.asarray(psi[mesh.edges.points[:, 1]] - psi[mesh.edges.points[:, 0]])
+
+
+def _is_periodic(mesh: MeshFlow, field: FlowField) -> bool:
+    """Whether a field is the same at both of two cyclic sides of its rectangle; so too without any."""
+    cyclic = [k for k, part in enumerate(mesh.patches.values()) if part.kind == "cyclic"]
+    at = mesh.middles[mesh.rim.edge[np.isin(mesh.rim.patch, cyclic)]]
+    for axis, (low, high) in enumerate(np.reshape(field.bounds, (2, 2)).tolist()):
+        here = at[np.abs(at[:, axis] - low) <= SINGLE * (high - low)]
+        there = here.copy()
+        there[:, axis] = high
+        one, other = field.evaluate(*here.T), field.evaluate(*there.T)
+        jump = np.hypot(one.velocity_x - other.velocity_x, one.velocity_y - other.velocity_y)
+        if jump.max(initial=0.0) > LARGEST_STEP * mesh.top_speed:
+            return False
+    return True
+
+
+def _with_sources(mesh: MeshFlow, phi: _Phi) -> _Made:
+    """Of psi and chi from phi."""
+    mesh, doubt = _trusted(mesh, phi)
+    outline, walls = _outline(mesh, phi.flux)
+    found = sources(mesh, phi.flux, outline)
+    rest = replace(mesh, velocity=found.without(mesh))
+    field = found.joined(fitted(rest, found.psi, outline, found.along(mesh, walls)))
+    added = float(np.linalg.norm(mesh.velocity - rest.velocity))
+    part = percent(added / (float(np.linalg.norm(mesh.velocity)) or 1.0))
+    source = f"psi and chi from phi{doubt}, of whose sources grad chi is {part} of U"
+    return _Made(field, walls, source, mesh)
+
+
+def _phi(mesh: MeshFlow) -> _Phi | None:
+    """The fluxes of a case; None where it has none."""
     if mesh.flux is None:
-        return _by_velocity(mesh, "psi from U as there is no phi")
+        return None
     flux = np.where(_no_flux(mesh, mesh.flux), 0.0, mesh.flux)
-    psi, gap = from_fluxes(mesh.edges, flux, len(mesh.points))
-    if gap > LARGEST_GAP:
-        return _by_velocity(mesh, f"psi from U as phi does not close by {_percent(gap)}")
-    of_phi = velocity_of_fluxes(mesh.points, mesh.edges, flux, len(mesh.velocity))
+    return _Phi(flux, *from_fluxes(mesh.edges, flux, len(mesh.points)))
+
+
+def _trusted(mesh: MeshFlow, phi: _Phi) -> tuple[MeshFlow, str]:
+    """The case, and nothing; or with the U of its fluxes, and why in words, where its own is none."""
+    of_phi = velocity_of_fluxes(mesh.points, mesh.edges, phi.flux, len(mesh.velocity))
     doubt = float(np.linalg.norm(mesh.velocity - of_phi)) / (float(np.linalg.norm(of_phi)) or 1.0)
     if doubt <= LARGEST_DOUBT:
-        return _Stream(psi, "psi from phi", mesh)
-    off = _percent(doubt) if doubt < 1.0 else "more than 100 %"
-    source = f"psi and U from phi, as the case's U is {off} off it"
-    return _Stream(psi, source, replace(mesh, velocity=of_phi))
-
-
-def _by_velocity(mesh: MeshFlow, source: str) -> _Stream:
-    psi = from_velocity(mesh.points, mesh.edges, mesh.centres, mesh.velocity, mesh.given)
-    return _Stream(psi, source, mesh)
+        return mesh, ""
+    off = percent(doubt) if doubt < 1.0 else "more than 100 %"
+    return replace(mesh, velocity=of_phi), f", as the case's U is {off} off it"
 
 
 def _no_flux(mesh: MeshFlow, jump: Array) -> NDArray[np.bool_]:
@@ -102,16 +178,18 @@ def _no_flux(mesh: MeshFlow, jump: Array) -> NDArray[np.bool_]:
     return small & (mesh.edges.cells[:, 1] < 0)
 
 
-def _outline(mesh: MeshFlow, psi: Array) -> tuple[Outline, WallEdges]:
-    """Where the fluid ends, relative to the mesh's corner, and the part of it that no fluid crosses."""
+def _outline(mesh: MeshFlow, flux: Array) -> tuple[Outline, WallEdges]:
+    """Where the fluid ends, relative to the mesh's corner, and the part of it that no fluid crosses.
+
+    flux : (E,), through edges, as a jump of psi
+    """
     edge = np.flatnonzero(mesh.edges.cells[:, 1] < 0)
     start, stop = mesh.edges.points[edge].T
     way = mesh.points[stop] - mesh.points[start]
     aside = mesh.centres[mesh.edges.cells[edge, 0]] - mesh.points[start]
     turned = way[:, 0] * aside[:, 1] - way[:, 1] * aside[:, 0] < 0.0
     start, stop = np.where(turned, stop, start), np.where(turned, start, stop)
-    jump = psi[mesh.edges.points[edge, 1]] - psi[mesh.edges.points[edge, 0]]
-    closed = _no_flux(mesh, psi[mesh.edges.points[:, 1]] - psi[mesh.edges.points[:, 0]])[edge]
+    jump, closed = flux[edge], _no_flux(mesh, flux)[edge]
     jump = np.where(closed, 0.0, np.where(turned, -jump, jump))
     patch, names, types = _patches(mesh, edge, closed)
     ends = np.stack((mesh.points[start], mesh.points[stop]), axis=1)
@@ -138,26 +216,23 @@ def _patches(
     return patch.astype(np.int64), tuple(names), tuple(types)
 
 
-def _told(mesh: MeshFlow, field: FlowField, walls: WallEdges, allow_misfit: bool) -> str:
-    """How far the field is off U, in words; InputError where that is another flow."""
-    misfit, beside = _in_cells(mesh, field, walls)
-    slip = _slip(mesh, field, walls)
+def _measured(made: _Made) -> Misfit:
+    """How far the field is off U."""
+    field, walls, _, mesh = made
+    cells, beside = _in_cells(mesh, field, walls)
+    slip, weight = _slip(mesh, field, walls), mesh.cells.areas(mesh.points)
     at_walls = float(np.sqrt(np.mean(slip**2))) if slip.size else 0.0
-    if max(misfit, at_walls) > LARGEST_MISFIT and not allow_misfit:
-        part = f"{_percent(misfit)} off (rms) in the cells"
-        if misfit <= LARGEST_MISFIT:
-            part = f"{_percent(at_walls)} off (rms) at walls"
-        elif beside > 0.5:
-            part += ", most of it beside walls whose layers are thinner than a cell"
-        raise InputError(
-            mesh.where, f"a velocity U without sources, resolved by the mesh to {LARGEST_MISFIT:.0%}",
-            f"one whose best stream function is {part}",
-            "Give a solved plane incompressible flow, or solve it on a finer mesh; "
-            "--allow-misfit (allow_misfit=True) takes it as it is.",
-        )  # fmt: skip
-    told, top = f"{_percent(misfit)} off U (rms)", float(slip.max(initial=0.0))
+    speed = float(np.sqrt(weight @ np.sum(mesh.velocity**2, axis=1) / weight.sum()))
+    return Misfit(cells, at_walls, beside, 0.0, speed, mesh.top_speed)
+
+
+def _told(made: _Made, misfit: Misfit) -> str:
+    """How far the field is off U, in words."""
+    field, walls, _, mesh = made
+    slip = _slip(mesh, field, walls)
+    told, top = f"{percent(misfit.cells)} off U (rms)", float(slip.max(initial=0.0))
     if top > SINGLE:
-        told += f", up to {_percent(top)} of its largest at walls"
+        told += f", up to {percent(top)} of its largest at walls"
     if top > LARGEST_MISFIT:
         told += f" ({', '.join(_worst_walls(mesh, walls, slip))})"
     return told
@@ -171,10 +246,6 @@ def _worst_walls(mesh: MeshFlow, walls: WallEdges, slip: Array) -> list[str]:
     }
     ordered = sorted(largest, key=lambda name: largest[name], reverse=True)
     return [name for name in ordered[:3] if largest[name] > LARGEST_MISFIT]
-
-
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %" if part < 1.0 else f"{100.0 * part:.0f} %"
 
 
 def _in_cells(mesh: MeshFlow, field: FlowField, walls: WallEdges) -> tuple[float, float]:

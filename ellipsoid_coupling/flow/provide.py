@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
     solved_folder,
 )
 from ellipsoid_coupling.flow.series import load_flow
-from ellipsoid_coupling.flow.when import LATEST, When
+from ellipsoid_coupling.flow.when import LATEST, Divergence, When
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.scene import Flow
 
@@ -74,7 +75,13 @@ def found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None =
         path = Path(part.case)
     named = part.name, part.cells, path
     when = When(part.time, part.repeat, scene.times[-1])
-    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
+    return obtain_flow(
+        *named,
+        report=report,
+        allow_misfit=wanted.allow_misfit,
+        when=when,
+        divergence=part.divergence,
+    )
 
 
 def names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
@@ -91,6 +98,7 @@ def obtain_flow(
     *,
     allow_misfit: bool = False,
     when: When = LATEST,
+    divergence: bool = False,
 ) -> FlowField:
     """The flow of a case; `origin` says in one line which of the four sources it came from.
 
@@ -102,14 +110,17 @@ def obtain_flow(
     report : called with stage and fraction while OpenFOAM runs, or many times are read
     allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
     when : which times of the case; a saved .npz has its own
+    divergence : keep the flow's sources, see `flow_at`
 
     Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
     field is shipped for the case; RunError if the run fails.
     """
+    read = partial(_at_times, allow_misfit=allow_misfit, divergence=divergence)
     if path is not None:
         if when.is_latest or path.suffix == ".npz":
-            return _from("given", flow_at(path, allow_misfit=allow_misfit))
-        return _from("given", _at_times(path, when, allow_misfit, report))
+            found = flow_at(path, allow_misfit=allow_misfit, divergence=divergence)
+            return _from("given", found)
+        return _from("given", read(path, when, report=report))
     if openfoam_available():
         solved, source = solved_folder(case, cells), "cache"
         if not is_solved(solved):
@@ -117,8 +128,9 @@ def obtain_flow(
             solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
             source = "new icoFoam run"
         if when.is_latest:
-            return _from(source, kept_field(solved, allow_misfit=allow_misfit))
-        return _from(source, _at_times(solved, when, allow_misfit, report))
+            found = flow_at(solved, allow_misfit=allow_misfit, divergence=divergence)
+            return _from(source, found)
+        return _from(source, read(solved, when, report=report))
     if not when.is_latest:
         raise InputError(
             "flow.time", "OpenFOAM, or a solved case (flow.case or --flow)",
@@ -151,17 +163,34 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     return None
 
 
-def _at_times(case: Path, when: When, allow_misfit: bool, report: Report | None) -> FlowField:
+def _at_times(
+    case: Path, when: When, *, allow_misfit: bool, divergence: bool, report: Report | None
+) -> FlowField:
     from ellipsoid_coupling.flow.openfoam.case_series import read_times
 
-    return read_times(case, when, allow_misfit=allow_misfit, report=report)
+    return read_times(case, when, allow_misfit=allow_misfit, divergence=divergence, report=report)
 
 
-def flow_at(path: Path, *, allow_misfit: bool = False) -> FlowField:
-    """The flow at a path: a saved .npz, a folder of foamToVTK's, or a solved case at its last time."""
+def flow_at(path: Path, *, allow_misfit: bool = False, divergence: bool = False) -> FlowField:
+    """The flow at a path: a saved .npz, a folder of foamToVTK's, or a solved case at its last time.
+
+    Parameters
+    ----------
+    path : Path
+    allow_misfit : bool
+        Take a field that is far off the solver's U, see `reader.read_case`.
+    divergence : bool
+        Keep the flow's sources as grad chi, where its fluxes phi do not close; a saved .npz has its own.
+
+    Raises
+    ------
+    InputError
+        As `reader.read_case`.
+    """
     if path.suffix == ".npz":
         return load_flow(path)
-    return kept_field(path, allow_misfit=allow_misfit)
+    kept = Divergence.WHERE_OPEN if divergence else Divergence.NONE
+    return kept_field(path, allow_misfit=allow_misfit, divergence=kept)
 
 
 def _from(source: str, field: FlowField) -> FlowField:

@@ -16,7 +16,9 @@ from ellipsoid_coupling.files.limits import (
     MOST_PATCHES,
 )
 from ellipsoid_coupling.files.reading import Arrays, read_arrays
+from ellipsoid_coupling.flow.misfit import Misfit
 from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.flow.slopes import Chi
 
 EXPECTED = "a flow saved by FlowField.save"
 _REMEDY = "Name a saved flow (.npz) or a solved OpenFOAM case folder."
@@ -28,13 +30,18 @@ _SAME_PLACE = 1e-6
 
 
 class SavedFlow(NamedTuple):
-    """coefficients (ny+3, nx+3); mask (ny, nx); x0, y0, cells per length, limits (8,); and texts."""
+    """coefficients (ny+3, nx+3); mask (ny, nx); x0, y0, cells per length, limits (8,); and texts.
+
+    chi : where the coefficients of chi begin, whose rows stand below those of psi, if there are any
+    """
 
     coefficients: NDArray[np.float64]
     mask: NDArray[np.uint8]
     numbers: list[float]
     origin: str
     outline: Outline | None
+    chi: Chi | None
+    misfit: Misfit | None
 
 
 def read_saved(path: Path) -> SavedFlow:
@@ -50,9 +57,10 @@ def checked_flow(path: Path, file: Arrays) -> SavedFlow:
         raise InputError(str(path), f"{EXPECTED}: {', '.join(_KINDS)}, origin", found, _REMEDY)
     coefficients, mask, numbers = (file[name] for name in _KINDS)
     ny, nx = mask.shape if mask.ndim == 2 else (0, 0)
-    if min(ny, nx) < 1 or coefficients.shape != (ny + 3, nx + 3) or numbers.shape != (8,):
+    shapes = (ny + 3, nx + 3), (2 * (ny + 3), nx + 3)
+    if min(ny, nx) < 1 or coefficients.shape not in shapes or numbers.shape != (8,):
         found = f"shapes {coefficients.shape}, {mask.shape} and {numbers.shape}"
-        expected = "coefficients (ny+3, nx+3), a mask (ny, nx) and 8 numbers"
+        expected = "coefficients (ny+3, nx+3), or two of these, a mask (ny, nx) and 8 numbers"
         raise InputError(str(path), expected, found, _REMEDY)
     bad = np.argwhere(~(np.abs(coefficients) <= LARGEST_NUMBER))
     if bad.size or mask.max() > 1:
@@ -66,7 +74,21 @@ def checked_flow(path: Path, file: Arrays) -> SavedFlow:
         origin = readable(str(file["origin"]))
     except ValueError as error:
         raise InputError(f"{path}, origin", "one line of text", str(error), _REMEDY) from None
-    return SavedFlow(coefficients, mask, numbers.tolist(), origin, _outline(path, file))
+    chi = Chi(ny + 3) if coefficients.shape == shapes[1] else None
+    told = origin, _outline(path, file), chi, _misfit(path, file)
+    return SavedFlow(coefficients, mask, numbers.tolist(), *told)
+
+
+def _misfit(path: Path, file: Arrays) -> Misfit | None:
+    """The misfit in a file's arrays, checked; None where the file has none."""
+    if "misfit" not in file:
+        return None
+    found = file["misfit"]
+    fits = found.dtype.str == "<f8" and found.shape == (len(Misfit._fields),)
+    if not fits or not np.all((found >= 0.0) & (found <= LARGEST_NUMBER)):
+        expected = f"{len(Misfit._fields)} finite numbers from 0 on"
+        raise InputError(f"{path}, misfit", expected, "others", _REMEDY)
+    return Misfit(*found.tolist())
 
 
 def outline_arrays(outline: Outline) -> Arrays:

@@ -17,12 +17,14 @@ class FlowScales(NamedTuple):
     """Of the fluid within a box.
 
     largest, typical : speeds, the largest and the root of the mean square
-    shear : the largest rate of shear, ((2 du_x/dx)^2 + (du_x/dy + du_y/dx)^2)^(1/2)
+    shear : the largest rate of shear, ((du_x/dx - du_y/dy)^2 + (du_x/dy + du_y/dx)^2)^(1/2)
+    divergence : the largest du_x/dx + du_y/dy, of either sign; 0 without sources
     """
 
     largest: float
     typical: float
     shear: float
+    divergence: float = 0.0
 
 
 Box = tuple[tuple[float, float], tuple[float, float]]
@@ -35,8 +37,10 @@ def flow_scales(field: FlowField, box: Box) -> FlowScales:
     if not sample.inside.any():
         return FlowScales(0.0, 0.0, 0.0)
     speed = np.hypot(sample.velocity_x, sample.velocity_y)[sample.inside]
-    shear = np.hypot(2.0 * sample.dux_dx, sample.dux_dy + sample.duy_dx)[sample.inside]
-    return FlowScales(float(speed.max()), float(np.sqrt(np.mean(speed**2))), float(shear.max()))
+    shear = np.hypot(2.0 * sample.stretch, sample.dux_dy + sample.duy_dx)[sample.inside]
+    swelling = np.abs(sample.dux_dx + sample.duy_dy)[sample.inside]
+    typical = float(np.sqrt(np.mean(speed**2)))
+    return FlowScales(float(speed.max()), typical, float(shear.max()), float(swelling.max()))
 
 
 def normal_speed(field: FlowField, side: int) -> float:

@@ -14,7 +14,7 @@ import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -95,6 +95,7 @@ class FlowSeries(FlowField):
         *,
         repeat: bool = False,
         allow_jump: bool = False,
+        told: Callable[[], str] = str,
     ) -> FlowSeries:
         """The series of these flows, which are taken one by one and kept in a temporary file.
 
@@ -105,6 +106,7 @@ class FlowSeries(FlowField):
         origin : one line
         repeat : whether the last time is the first one, one period later
         allow_jump : take a flow that repeats although it is another one after a period
+        told : gives what stands behind the line, once all flows have been taken
 
         Raises
         ------
@@ -118,7 +120,7 @@ class FlowSeries(FlowField):
             found = ", ".join(f"{time:g}" for time in at[:5]) or "none"
             raise InputError("a series of flows", expected, found, "Choose other times.")
         scratch = _Scratch()
-        path, writer = scratch.path / "flow.npz", _Writer(at, repeat, origin, allow_jump)
+        path, writer = scratch.path / "flow.npz", _Writer(at, repeat, origin, allow_jump, told)
         write_series(path, writer.index, writer.coefficients(fields))
         return replace(cls.load(path), scratch=scratch)
 
@@ -131,7 +133,7 @@ class FlowSeries(FlowField):
         limits = (x_low, x_high, y_low, y_high)
         # At rest: one number stands for all coefficients.
         still = np.broadcast_to(np.zeros(()), first.coefficients.shape)
-        arrays = FlowArrays(still, x0, y0, gx, gy, *limits, first.mask)
+        arrays = FlowArrays(still, x0, y0, gx, gy, *limits, first.mask, first.chi)
         return cls(
             arrays,
             first.origin,
@@ -261,10 +263,12 @@ class _Writer:
     Two fields are held at once, the first and the present one.
     """
 
-    def __init__(self, times: Array, repeat: bool, origin: str, allow_jump: bool) -> None:
+    def __init__(
+        self, times: Array, repeat: bool, origin: str, allow_jump: bool, told: Callable[[], str]
+    ) -> None:
         self.index: dict[str, NDArray[Any]] = {"times": times}
         self._times, self._repeat, self._origin = times, repeat, origin
-        self._allow_jump = allow_jump
+        self._allow_jump, self._told = allow_jump, told
 
     def coefficients(self, fields: Iterable[FlowField]) -> Iterator[Array]:
         """Of each field."""
@@ -288,7 +292,7 @@ class _Writer:
             "digests": np.array(digests, "<U16"),
             "numbers": np.array(first.arrays[1:9]),
             "mask": first.arrays.mask,
-            "origin": np.array(self._origin),
+            "origin": np.array(self._origin + self._told()),
         }
         if first.outline is not None:
             self.index |= outline_arrays(first.outline._replace(outflow=outflow))
@@ -313,7 +317,9 @@ def difference(one: FlowField, other: FlowField) -> float:
     """How far the velocities of two flows on one mesh differ, rms over the larger rms."""
 
     def velocity(coefficients: Array) -> float:
-        slopes = (np.diff(coefficients, axis=axis) for axis in (0, 1))
+        # Psi and, in a flow with sources, chi.
+        parts = coefficients.reshape(-1, one.arrays.mask.shape[0] + 3, coefficients.shape[1])
+        slopes = (np.diff(parts, axis=axis) for axis in (1, 2))
         per = one.arrays.inverse_dy, one.arrays.inverse_dx
         return float(np.sqrt(sum(np.mean((g * s) ** 2) for g, s in zip(per, slopes, strict=True))))
 
@@ -335,6 +341,7 @@ def _require_same_mesh(first: FlowField, now: FlowField, time: float) -> None:
     same = first.arrays[1:9] == now.arrays[1:9] and np.array_equal(
         first.arrays.mask, now.arrays.mask
     )
+    same = same and first.arrays.chi == now.arrays.chi
     if (first.outline is None) != (now.outline is None):
         same = False
     elif first.outline is not None and now.outline is not None:
@@ -343,6 +350,6 @@ def _require_same_mesh(first: FlowField, now: FlowField, time: float) -> None:
         same = same and first.outline[3:] == now.outline[3:]
     if not same:
         raise InputError(
-            f"a series of flows, time {time:g}", "the mesh of the first time", "another one",
-            "Give flows on one mesh.",
+            f"a series of flows, time {time:g}", "the mesh of the first time, sources as there", "others",
+            "Give flows on one mesh, all with sources or none.",
         )  # fmt: skip

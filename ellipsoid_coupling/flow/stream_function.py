@@ -141,12 +141,21 @@ def from_velocity(
     u = _on_edges(middle, edges, centres, velocity, given)
     jump = u[:, 0] * along[:, 1] - u[:, 1] * along[:, 0]
 
+    return fitted_to_jumps(edges, jump, length, np.isfinite(given[:, 0]), len(points))
+
+
+def fitted_to_jumps(
+    edges: Edges, jump: Array, length: Array, fixed: NDArray[np.bool_], points: int
+) -> Array:
+    """Psi (points,), whose jumps along edges (E,) are those of the `fixed` ones, the others best.
+
+    length : (E,), of the edges
+    """
     # First the boundary alone: each connected part of it is known up to a constant. Walls stay
     # constant to the last bit, which a compromise with the cells beside them would not leave them.
     start, stop = edges.points.T
-    fixed = np.isfinite(given[:, 0])
     weight = 1.0 / length
-    psi, part = _potential(start[fixed], stop[fixed], jump[fixed], weight[fixed], len(points))
+    psi, part = _potential(start[fixed], stop[fixed], jump[fixed], weight[fixed], points)
     # Then one unknown for each such part and each other point.
     rest = jump - (psi[stop] - psi[start])
     shift, _ = _potential(part[start], part[stop], rest, weight, int(part.max()) + 1)

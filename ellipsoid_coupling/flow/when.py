@@ -1,8 +1,17 @@
-"""Which times of a case are taken as the flow."""
+"""What of a case is taken as the flow: which times, and whether its sources."""
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import NamedTuple
+
+
+class Divergence(Enum):
+    """Whether a flow keeps its sources: not at all, where its phi does not close, or in any case."""
+
+    NONE = 0
+    WHERE_OPEN = 1
+    ALWAYS = 2
 
 
 class When(NamedTuple):

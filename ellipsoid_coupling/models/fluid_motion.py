@@ -33,6 +33,6 @@ def fluid_motion(scene: Scene, flow: FlowField, place: Floats) -> Floats:
         # The formulas are of numbers, and hold for arrays of them.
         coefficients: Any = plain(jeffery_coefficients)
         rate: Any = plain(jeffery_rate)
-        turning = coefficients(1.0, sample.dux_dx, sample.dux_dy, sample.duy_dx, shape_factor)
+        turning = coefficients(1.0, sample.stretch, sample.dux_dy, sample.duy_dx, shape_factor)
         spin = rate(np.cos(2.0 * angle), np.sin(2.0 * angle), *turning)
     return np.stack(np.broadcast_arrays(sample.velocity_x, sample.velocity_y, spin))

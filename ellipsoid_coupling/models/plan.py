@@ -97,6 +97,9 @@ def plan_flow(scene: Scene, field: FlowField, viscosity: float | None) -> list[F
         facts.append(Fact("rectangle", rectangle(field), "of the mesh"))
     facts.append(Fact("speed", f"{scales.largest:.3g}", f"the largest; rms {scales.typical:.3g}"))
     facts.append(Fact("shear", f"{scales.shear:.3g}", "the largest rate"))
+    if field.has_sources:
+        why = "the largest rate at which the fluid swells or shrinks: flow.divergence = true"
+        facts.append(Fact("divergence", f"{scales.divergence:.3g}", why))
     return [
         *facts,
         *_stokes(scene, scales),

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.finite_volume.fluid_faces import CellFaces, corner_values, line_motion
+from ellipsoid_coupling.finite_volume.fluid_faces import (
+    CellFaces,
+    chi_at_faces,
+    corner_values,
+    line_motion,
+)
 from ellipsoid_coupling.finite_volume.fluid_lines import Ends, FluidLines, LineTable, line_tables
 from ellipsoid_coupling.finite_volume.fluxes.contract import in_order
 from ellipsoid_coupling.finite_volume.grid import Grid, cell_of, first_centre
@@ -86,7 +91,10 @@ def scene_staircase(setup: Setup, grid: Grid, t: float = 0.0) -> Staircase | Non
     cells = fluid_cells(outline, grid.x, grid.y, grid.cell)
     _require_cells(setup, flow, cells, grid)
     corners = corner_values(flow, cells, ends, grid)
-    faces = {axis: CellFaces(corners, cells, ends, grid.cell, axis) for axis in (-1, -2)}
+    faces = {
+        axis: CellFaces(corners, cells, ends, grid.cell, axis, chi_at_faces(flow, grid, axis))
+        for axis in (-1, -2)
+    }
     _require_periods(scene, ends, faces)
     return Staircase(cells, ends, faces, outline, flow)
 
@@ -229,7 +237,7 @@ def _state(
     density = start_angles(grid, angle) / grid.angle_width if resolved else np.ones(1)
     angles = grid.angle if resolved and grid.angles > 1 else np.full(grid.shape[0], angle)
     shape = potential_shape(scene.particles.length, scene.particles.width).shape_factor
-    gradient = float(sample.dux_dx), float(sample.dux_dy), float(sample.duy_dx)
+    gradient = float(sample.stretch), float(sample.dux_dy), float(sample.duy_dx)
     # Where the fluid turns nothing, particles come in as they start: without a spin.
     turning = jeffery_coefficients(1.0 if rates.angular_drag > 0.0 else 0.0, *gradient, shape)
     spin = [jeffery_rate(math.cos(2 * one), math.sin(2 * one), *turning) for one in angles]

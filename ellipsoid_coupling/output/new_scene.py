@@ -27,7 +27,9 @@ _ONE_WAY = 0.05
 _TIGHT = 5e-3
 
 
-def scene_of_case(path: Path, wishes: Wishes, *, allow_misfit: bool = False) -> str:
+def scene_of_case(
+    path: Path, wishes: Wishes, *, allow_misfit: bool = False, divergence: bool = False
+) -> str:
     """The TOML text of a scene for the solved case at a path, read as `flow_at` does.
 
     Raises
@@ -35,7 +37,7 @@ def scene_of_case(path: Path, wishes: Wishes, *, allow_misfit: bool = False) -> 
     InputError
         As `flow_at` and `choose`.
     """
-    field = flow_at(path, allow_misfit=allow_misfit)
+    field = flow_at(path, allow_misfit=allow_misfit, divergence=divergence)
     name, viscosity = path.stem, None
     # A saved flow, or the output of foamToVTK, is no case.
     with suppress(InputError):
@@ -54,7 +56,7 @@ def scene_text(c: Choices, field: FlowField, case: str, viscosity: float | None 
     boundaries = _sides(c, field) if field.outline is None else _boundaries(c, field.outline)
     parts = (
         _head(c, field.origin), _domain(c), _particles(c), _start(c),
-        _flow(c, case, viscosity), boundaries, _numerics(c), _MORE,
+        _flow(c, case, viscosity, field), boundaries, _numerics(c), _MORE,
     )  # fmt: skip
     return "\n".join("\n".join(part) + "\n" for part in parts if part)
 
@@ -128,7 +130,7 @@ def _start(c: Choices) -> list[str]:
     ]
 
 
-def _flow(c: Choices, case: str, viscosity: float | None) -> list[str]:
+def _flow(c: Choices, case: str, viscosity: float | None, field: FlowField) -> list[str]:
     why = [
         "# The case gives no nu: with these rates particles follow the fluid closely. Choose yours."
     ]
@@ -145,6 +147,7 @@ def _flow(c: Choices, case: str, viscosity: float | None) -> list[str]:
         *why,
         "[flow]",
         _line("case", case, "or another one by --flow CASE"),
+        *([_line("divergence", True, "its sources are kept")] if field.has_sources else []),
         _line("drag", c.rates.drag, "gamma, per time"),
         _line("angular_drag", c.rates.angular_drag, "gamma_bar, per time"),
     ]

@@ -83,10 +83,10 @@ def external_terms(
     force_x, force_y, turning = 0.0, 0.0, (0.0, 0.0, 0.0)
     if fluid is not None:
         near_x, near_y = nearest(fluid.rim, x, y)
-        ux, uy, dux_dx, dux_dy, duy_dx, _ = sample_at(fluid.flow, t, near_x, near_y)
+        ux, uy, stretch, dux_dy, duy_dx, _ = sample_at(fluid.flow, t, near_x, near_y)
         force_x, force_y = fluid.drag * ux, fluid.drag * uy
         turning = jeffery_coefficients(
-            fluid.angular_drag, dux_dx, dux_dy, duy_dx, fluid.shape_factor
+            fluid.angular_drag, stretch, dux_dy, duy_dx, fluid.shape_factor
         )
     if outer is not None:
         pull_x, pull_y = outer_force(outer, x, y)

@@ -16,7 +16,7 @@ Coefficients = tuple[float, float, float]
 
 @inline_kernel
 def jeffery_coefficients(
-    rate: float, dux_dx: float, dux_dy: float, duy_dx: float, shape_factor: float
+    rate: float, stretch: float, dux_dy: float, duy_dx: float, shape_factor: float
 ) -> Coefficients:
     """(a, b, c) times `rate`, gamma_bar.
 
@@ -24,13 +24,15 @@ def jeffery_coefficients(
     ----------
     rate : float
         gamma_bar; 1 for g itself.
-    dux_dx, dux_dy, duy_dx : float
-        The velocity's gradient; the flow is free of divergence, d u_y/dy = -d u_x/dx.
+    stretch : float
+        (d u_x/dx - d u_y/dy)/2, which is d u_x/dx in a flow without sources.
+    dux_dy, duy_dx : float
+        The rest of the velocity's gradient.
     shape_factor : float
         lambda; 0 for circles, which follow the rotation of the fluid.
     """
     rotation = 0.5 * (duy_dx - dux_dy)
-    along_sine, along_cosine = -shape_factor * dux_dx, 0.5 * shape_factor * (dux_dy + duy_dx)
+    along_sine, along_cosine = -shape_factor * stretch, 0.5 * shape_factor * (dux_dy + duy_dx)
     return rate * rotation, rate * along_sine, rate * along_cosine
 
 

@@ -66,6 +66,9 @@ MEANINGS = {
         "time",
     ),
     "flow.repeat": Meaning("whether the first time follows again after the last one"),
+    "flow.divergence": Meaning(
+        "whether sources of the fluid are kept, where the case's face fluxes phi do not close"
+    ),
     "flow.source": Meaning("a solved OpenFOAM case, a formula, or a flow that the run is given"),
     "flow.field": Meaning("the name of the case or of the formula, or the path of a case"),
     "flow.cells": Meaning("cells a side when a case is solved or a formula is sampled", "1"),

@@ -110,6 +110,8 @@ class Flow(Part):
     with `cells` cells a side of the domain. With "given" the flow comes with the run: --flow, or `flow`
     of `simulate`.
 
+    `divergence` keeps the sources of an OpenFOAM flow, where its face fluxes do not close.
+
     `time` says which times of the case: "latest", one of them, "all", or [t_0, t_1]. With several the
     flow is linear in time in between, and the scene's time 0 is the first of them, or t_0. With `repeat`
     the last of them is the first one, one period later.
@@ -121,6 +123,7 @@ class Flow(Part):
     cells: Count = 100
     time: FlowTime = "latest"
     repeat: bool = False
+    divergence: bool = False
     drag: NotNegative
     angular_drag: NotNegative
     parameters: dict[str, Number] | None = None
@@ -132,9 +135,11 @@ class Flow(Part):
                 raise ValueError('no field, case or parameters where source = "given"')
         elif (self.field is None) == (self.case is None):
             raise ValueError("either field or case")
-        times = self.case, self.time, self.repeat
-        if self.source == "closed_form" and times != (None, "latest", False):
-            raise ValueError("field alone for a closed form: case, time and repeat are OpenFOAM's")
+        of_openfoam = self.case, self.time, self.repeat, self.divergence
+        if self.source == "closed_form" and of_openfoam != (None, "latest", False, False):
+            raise ValueError(
+                "field alone for a closed form: case, time, repeat and divergence are OpenFOAM's"
+            )
         if not isinstance(self.time, str | float):
             require_interval("time", self.time)
         elif self.repeat and self.time != "all":
@@ -150,7 +155,7 @@ class Flow(Part):
     def named(self) -> tuple[object, ...]:
         """What the flow itself depends on: all but the rates."""
         times = self.time, self.repeat
-        return self.source, self.name, self.cells, self.parameters or {}, times
+        return self.source, self.name, self.cells, self.parameters or {}, times, self.divergence
 
 
 class InteractionPart(Part):

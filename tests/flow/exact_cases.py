@@ -30,6 +30,7 @@ class Exact(NamedTuple):
     patch : of the boundary's edges by their middles (n, 2), a name each
     types : of the patches, by name
     wall : the velocity of walls at the middle of their edges; None where fluid slips along them
+    jump : the flux through edges from (n, 2) to (n, 2), from their left to their right; psi's without it
     """
 
     psi: Scalar
@@ -37,6 +38,7 @@ class Exact(NamedTuple):
     patch: Callable[[Array], NDArray[np.str_]]
     types: dict[str, str]
     wall: Vector | None
+    jump: Callable[[Array, Array], Array] | None = None
 
 
 class Written(NamedTuple):
@@ -155,6 +157,29 @@ def poiseuille(angle: float = 0.0) -> Exact:
     return Exact(psi, velocity, patch, types, lambda x, y: (0.0 * x, 0.0 * y))
 
 
+def plane_source(strength: float, middle: float = 0.0) -> Exact:
+    """The flow of a source at the origin: u = q r / (2 pi r^2), whose psi is no function around it.
+
+    middle : a radius; what lies within is the patch "inner", the rest "outer"
+    """
+
+    def velocity(x: Array, y: Array) -> tuple[Array, Array]:
+        rate = strength / (2.0 * np.pi * (x**2 + y**2))
+        return rate * x, rate * y
+
+    def jump(start: Array, stop: Array) -> Array:
+        turn = np.arctan2(
+            start[:, 0] * stop[:, 1] - start[:, 1] * stop[:, 0], np.sum(start * stop, axis=1)
+        )
+        return np.asarray(strength * turn / (2.0 * np.pi))
+
+    def patch(at: Array) -> NDArray[np.str_]:
+        return np.where(np.hypot(*at.T) < middle, "inner", "outer")
+
+    types = {"inner": "patch", "outer": "patch"} if middle else {"outer": "patch"}
+    return Exact(lambda x, y: 0.0 * (x + y), velocity, patch, types, None, jump)
+
+
 def wavy_channel(cells: int) -> tuple[Grid, Exact]:
     """One period of a channel of height H = 1 + sin(2 pi x) / 5: psi = eta^2 (3 - 2 eta), eta = y / H."""
 
@@ -195,7 +220,9 @@ def write_case(
     start, stop = edges.points.T
     inner = int(np.count_nonzero(edges.cells[:, 1] >= 0))
     middles = grid.points[edges.points].mean(axis=1)
-    phi = (flow.psi(*grid.points[stop].T) - flow.psi(*grid.points[start].T)) * DEPTH
+    ends = grid.points[start], grid.points[stop]
+    jump = flow.psi(*ends[1].T) - flow.psi(*ends[0].T) if flow.jump is None else flow.jump(*ends)
+    phi = jump * DEPTH
     count, names = len(grid.points), flow.patch(middles[inner:])
     phi[inner:][[flow.types[name] == "wall" for name in names]] = 0.0
     shifted = grid.points + (0.0 if at is None else at)

@@ -13,6 +13,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, kept_fields
 from ellipsoid_coupling.flow.kept_fields import kept_field
 from ellipsoid_coupling.flow.openfoam import reader
+from ellipsoid_coupling.flow.when import Divergence
 
 COARSE = Path(__file__).parents[1] / "data" / "l_shape"
 
@@ -30,9 +31,11 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     read: list[Path] = []
     whole = reader.read_flow
 
-    def counted(path: Path, *, allow_misfit: bool = False) -> FlowField:
+    def counted(
+        path: Path, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+    ) -> FlowField:
         read.append(path)
-        return whole(path, allow_misfit=allow_misfit)
+        return whole(path, allow_misfit=allow_misfit, divergence=divergence)
 
     monkeypatch.setattr(reader, "read_flow", counted)
     return read

@@ -29,7 +29,7 @@ def test_scales_are_those_of_the_flow() -> None:
     assert scales.typical == pytest.approx(np.sqrt(0.2), abs=2e-3)
     assert scales.shear == pytest.approx(2.0, abs=0.02)
     nothing = flow_scales(field(np.zeros((20, 40), bool)), BOX)
-    assert nothing == (0.0, 0.0, 0.0)
+    assert nothing == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_roomiest_box_leaves_a_solid_out() -> None:

@@ -68,6 +68,18 @@ def whole_case(case: Path, wanted: str | None) -> Iterator[Chosen]:
             raise InputError(*texts) from error
 
 
+def times_folder(case: Path) -> Path:
+    """Where a case has its times: in itself, or in the first of its parts, if these are newer.
+
+    Raises InputError for the parts of two decompositions.
+    """
+    folders = _folders(case)
+    if not folders or _as_new(solved_times(case), folders):
+        return case
+    _require_one(case, folders)
+    return folders[0]
+
+
 def _folders(case: Path) -> list[Path]:
     """The folders of parts, processor0 first."""
     inside = islice(case.iterdir(), MOST_TIMES)

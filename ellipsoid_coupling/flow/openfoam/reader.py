@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import partial
 from io import StringIO
 from itertools import islice
 from pathlib import Path
@@ -24,7 +25,6 @@ from ellipsoid_coupling.files.extras import require
 from ellipsoid_coupling.files.limits import MOST_PATCHES
 from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.mesh import MeshFlow
 from ellipsoid_coupling.flow.mesh_flow import flow_field
 from ellipsoid_coupling.flow.openfoam.case import Mesh, Solution, read_cells, read_solution
 from ellipsoid_coupling.flow.openfoam.decomposed import whole_case
@@ -33,25 +33,29 @@ from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.plane_mesh import Raw, of_case, of_vtk
 from ellipsoid_coupling.flow.openfoam.times import Chosen, unsolved
 from ellipsoid_coupling.flow.openfoam.vtk_files import REMEDY, check_internal, read_patch
+from ellipsoid_coupling.flow.when import Divergence
 
 Array = NDArray[np.float64]
 
 
 class Sources(NamedTuple):
-    """What a field is made from: the files, and the beginning of its `origin`."""
+    """What a field is made from: the files, the beginning of its `origin`, and the case for messages."""
 
     files: tuple[Path, ...]
     origin: str
+    where: str
 
 
-def read_flow(path: Path, *, allow_misfit: bool = False) -> FlowField:
+def read_flow(
+    path: Path, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+) -> FlowField:
     """The flow at a path: a case, one of its times, or the output of foamToVTK for one.
 
     A case may be named by its folder, a .foam or .OpenFOAM file in it, system/controlDict, or a
     time's folder. Parameters and errors as `read_case` and `read_vtk`.
     """
     read = read_vtk if _is_vtk(path) else read_case
-    return read(path, allow_misfit=allow_misfit)
+    return read(path, allow_misfit=allow_misfit, divergence=divergence)
 
 
 @contextmanager
@@ -63,7 +67,7 @@ def sources(path: Path) -> Iterator[Sources]:
     if _is_vtk(path):
         step = _vtk_step(_vtk_folder(path))
         boundary = islice((step / "boundary").glob("*.vtp"), MOST_PATCHES)
-        yield Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step))
+        yield Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step), str(step))
         return
     case, wanted = locate(path)
     with whole_case(case, wanted) as chosen:
@@ -74,16 +78,19 @@ def sources(path: Path) -> Iterator[Sources]:
             wanted_files.append(chosen.before / "U")
         found = (packed(file) for file in wanted_files)
         files = tuple(file for file in found if file is not None)
-        yield Sources(files, _case_origin(case, chosen))
+        yield Sources(files, _case_origin(case, chosen), str(case))
 
 
-def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
+def read_case(
+    folder: Path, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+) -> FlowField:
     """The flow of a solved plane OpenFOAM case at its last time with a velocity, or at the one named.
 
     Parameters
     ----------
     folder : the case folder, a .foam file in it, or one of its times; nothing is written there
-    allow_misfit : take it even where the field is more than `mesh_flow.LARGEST_MISFIT` off U
+    allow_misfit : take it even where the field is more than `misfit.LARGEST_MISFIT` off U
+    divergence : whether its sources are kept, for which it needs phi
 
     Raises InputError if the folder is missing or no case, if nothing has been solved, if the mesh is
     not a plane one, one cell thick, or if U is missing, not finite or not free of sources.
@@ -96,17 +103,21 @@ def read_case(folder: Path, *, allow_misfit: bool = False) -> FlowField:
         raise unsolved(case, "no time beyond 0, where U is uniform")
     _require_no_wedge(case, solution.mesh)
     origin = _case_origin(case, chosen) + change
-    return _field(lambda: of_case(solution, str(case), origin), str(case), allow_misfit)
+    made = partial(flow_field, allow_misfit=allow_misfit, divergence=divergence)
+    return _field(lambda: made(of_case(solution, str(case), origin)), str(case))
 
 
-def read_vtk(folder: Path, *, allow_misfit: bool = False) -> FlowField:
+def read_vtk(
+    folder: Path, *, allow_misfit: bool = False, divergence: Divergence = Divergence.NONE
+) -> FlowField:
     """The flow in the output of foamToVTK, its last time: internal.vtu and boundary/*.vtp.
 
     `folder` is that time's folder, the VTK folder, or the case. The rest as `read_case`.
     """
     step = _vtk_step(_vtk_folder(folder))
     raw = _read_vtu(step)
-    return _field(lambda: of_vtk(raw, str(step), _vtk_origin(step)), str(step), allow_misfit)
+    made = partial(flow_field, allow_misfit=allow_misfit, divergence=divergence)
+    return _field(lambda: made(of_vtk(raw, str(step), _vtk_origin(step))), str(step))
 
 
 def _is_vtk(path: Path) -> bool:
@@ -128,11 +139,11 @@ def _case_origin(case: Path, chosen: Chosen) -> str:
     return f"OpenFOAM case {readable(case.resolve().name)}, {chosen.note}"
 
 
-def _field(plane: Callable[[], MeshFlow], where: str, allow_misfit: bool) -> FlowField:
+def _field(made: Callable[[], FlowField], where: str) -> FlowField:
     """The field; InputError where the mesh's shape does not let one be made."""
     try:
         with np.errstate(all="ignore"):
-            field = flow_field(plane(), allow_misfit=allow_misfit)
+            field = made()
     except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
         found = f"one on which that fails ({error})"
         raise InputError(where, "a mesh to interpolate U on", found, "Mesh it again.") from None

@@ -13,6 +13,7 @@ from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
 from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.flow.stream_values import psi_coefficients
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.models.from_scene import scene_walls
@@ -192,12 +193,12 @@ def node_axes(flow: FlowField, scene: Scene) -> tuple[Floats, Floats]:
 
 
 def stream_function(flow: FlowField, x: Floats, y: Floats) -> Floats:
-    """The psi with u = (d psi/dy, -d psi/dx) on the lattice of x (nx,) and y (ny,), (ny, nx)."""
+    """The psi of u = (d psi/dy, -d psi/dx), without sources, on the lattice x (nx,), y (ny,): (ny, nx)."""
     arrays = flow.arrays
     ny, nx = flow.cells
     along_x = _weight_matrix((x - arrays.x0) * arrays.inverse_dx, nx)
     along_y = _weight_matrix((y - arrays.y0) * arrays.inverse_dy, ny)
-    return np.asarray(along_y @ arrays.coefficients @ along_x.T)
+    return np.asarray(along_y @ psi_coefficients(arrays) @ along_x.T)
 
 
 def _weight_matrix(position: Floats, cells: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -187,6 +188,23 @@ def test_a_time_that_is_too_far_off_is_named(case: Path) -> None:
         case, When("all", until=1.0), r"plate, time 0\.5: expected a velocity U without sources"
     )
     assert isinstance(read_times(case, When("all", until=1.0), allow_misfit=True), FlowSeries)
+
+
+def test_a_time_near_rest_is_measured_by_the_largest_u(case: Path) -> None:
+    """100 % off its own U, which is a thousandth of the others': 0.1 %, and both are told."""
+
+    def nearly_at_rest(x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        return 0.0 * x, 1e-3 * (x - 0.5), 1e-3 * (y - 0.5)
+
+    other = write_case(case.parent / "rest", BOX, CELLS, {"0": nearly_at_rest})
+    for name in ("U", "phi"):
+        shutil.copy(other / "0" / name, case / "0" / name)
+    flow = read_times(case, When("all", until=1.0))
+    assert isinstance(flow, FlowSeries)
+    told = r", (9\d|1\d\d) % off U \(rms\) at time 0, near rest: 0\.\d+ % of the largest U$"
+    assert re.search(told, flow.origin)
+    with pytest.raises(InputError, match=r"whose best stream function is (9\d|1\d\d) % off"):
+        read_case(case / "0")
 
 
 def test_a_uniform_start_is_no_time_of_the_flow(case: Path) -> None:

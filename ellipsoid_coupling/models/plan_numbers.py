@@ -1,0 +1,174 @@
+"""The size of a run before it is run, and the numbers that decide about models: ``ellipsoid plan``.
+
+    U/(gamma L)     Stokes number: U the fluid's largest speed, L the shorter side of the domain
+    neighbours      others within the potential's reach, (N - 1) pi reach^2/|Omega_0| at the start
+    reach/h         cells of a grid within that reach; a potential of few cells is not resolved
+    T U/(C h)       steps of a grid by its CFL number C, where the fluid's speed limits them
+
+Memory is what a run is refused by. Steps of a fixed length are exact; others, and times, are "about".
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+
+from ellipsoid_coupling.files.limits import in_words, memory_left, time_in_words
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.scales import FlowScales, flow_scales
+from ellipsoid_coupling.models.base import Setup
+from ellipsoid_coupling.models.cost_table import FACTOR, cost_of, machine_factor
+from ellipsoid_coupling.models.kind import ModelKind
+from ellipsoid_coupling.models.memory import node_count, peak_memory
+from ellipsoid_coupling.models.plan import Fact, model_terms
+from ellipsoid_coupling.models.registry import kind_named
+from ellipsoid_coupling.models.schemes import scheme_named
+from ellipsoid_coupling.physics.potential import potential_shape
+from ellipsoid_coupling.scenes import Scene
+
+# Fewer cells within the reach do not resolve the potential's flank.
+_FEWEST_CELLS = 4.0
+
+
+class Steps(NamedTuple):
+    """How many, and whether that is exact."""
+
+    number: float
+    exact: bool
+    why: str
+
+
+def plan_numbers(
+    scene: Scene, name: str, scheme: str, field: FlowField | None = None
+) -> list[Fact]:
+    """Memory, size, steps and time of a run, and the numbers that decide.
+
+    field : the scene's flow, where it is known
+
+    Raises
+    ------
+    InputError
+        For an unknown model or scheme.
+    """
+    kind, chosen = kind_named(name), scheme_named(scheme)
+    setup = Setup(
+        scene, model_terms(scene, name), chosen.name, None, 0, scene.particles.realisations
+    )
+    scales = None if field is None else flow_scales(field, (scene.domain.x, scene.domain.y))
+    items = item_count(kind, scene)
+    steps = None if kind.equilibrium else step_count(kind, setup, scales)
+    facts = [_memory(kind, setup), Fact(*_items_in_words(kind, scene))]
+    if steps is not None:
+        told = f"{steps.number:.0f}" if steps.exact else f"about {steps.number:.2g}"
+        facts.append(Fact("steps", told, steps.why))
+        facts.append(_time(kind, setup, items * steps.number, steps.number))
+    return [*facts, *_stokes(scene, scales), *_interaction(kind, scene)]
+
+
+def item_count(kind: ModelKind, scene: Scene) -> int:
+    """Particles of all realisations, or cells."""
+    if not kind.is_grid:
+        return scene.particles.number * scene.particles.realisations
+    domain, h = scene.domain, scene.numerics.cell
+    cells = round(domain.width / h) * round(domain.height / h)
+    return cells * (scene.numerics.angle_cells if kind.layout == "q" else 1)
+
+
+def _items_in_words(kind: ModelKind, scene: Scene) -> tuple[str, str, str]:
+    count = item_count(kind, scene)
+    if not kind.is_grid:
+        particles = scene.particles
+        shape = f"{particles.number} x {particles.realisations} realisations"
+        return "samples" if kind.is_sampled_density else "particles", f"{count}", shape
+    domain, h = scene.domain, scene.numerics.cell
+    shape = f"{round(domain.width / h)} x {round(domain.height / h)}"
+    return (
+        "cells", f"{count}",
+        f"{shape} x {scene.numerics.angle_cells} angles" if kind.layout == "q" else shape,
+    )  # fmt: skip
+
+
+def step_count(kind: ModelKind, setup: Setup, scales: FlowScales | None) -> Steps | None:
+    """The steps of a run; None where nothing that is known tells."""
+    scene, numerics = setup.scene, setup.scene.numerics
+    if not kind.is_grid:
+        if scheme_named(setup.scheme).adaptive:
+            return None
+        return Steps(
+            float(given_steps(scene)), True, f"of numerics.time_step = {numerics.time_step:g}"
+        )
+    if scales is None or not scales.largest > 0.0:
+        return None
+    number = scene.times[-1] * scales.largest / (numerics.cfl * numerics.cell)
+    why = f"T U/(C h), by the CFL number {numerics.cfl:g} at the fluid's speed {scales.largest:.3g}"
+    return Steps(number, False, why)
+
+
+def given_steps(scene: Scene) -> int:
+    """Steps of a fixed length: the fewest equal ones to each save time, as `equal_steps` takes them."""
+    starts = (0.0, *scene.times[:-1])
+    gaps = [end - start for start, end in zip(starts, scene.times, strict=True)]
+    return sum(math.ceil(gap / scene.numerics.time_step * (1.0 - 1e-12)) for gap in gaps)
+
+
+def _memory(kind: ModelKind, setup: Setup) -> Fact:
+    need, left = peak_memory(kind, setup), memory_left()
+    told = "a run will be refused" if need > left else "at its peak"
+    return Fact("memory", f"about {in_words(need)}", f"{told}; {in_words(left)} are left")
+
+
+def _time(kind: ModelKind, setup: Setup, item_steps: float, steps: float) -> Fact:
+    """Seconds by `cost_table`."""
+    cost = cost_of(kind, setup.scheme)
+    scene = setup.scene
+    each, nodes = cost.item, 0.0
+    if scene.interaction is not None:
+        per_item = neighbours_in_reach(scene) if kind.independent_realisations else 1.0
+        each += cost.interacting * (1.0 if per_item is None else per_item)
+        nodes = node_count(scene, setup.realisations) if kind.is_sampled_density else 0.0
+    seconds = 1e-9 * (item_steps * each + steps * nodes * cost.node)
+    seconds *= machine_factor(numba.get_num_threads())
+    return Fact(
+        "time", f"about {time_in_words(seconds)}",
+        f"within a factor of {FACTOR:g} either way, if no other work is on this machine; without compiling",
+    )  # fmt: skip
+
+
+def neighbours_in_reach(scene: Scene) -> float | None:
+    """Others within the potential's reach of a particle, evenly spread over the start; None for points."""
+    start, particles = scene.start, scene.particles
+    area = (start.x[1] - start.x[0]) * (start.y[1] - start.y[0])
+    if not area > 0.0:
+        return None
+    reach = potential_shape(particles.length, particles.width).reach
+    return min(particles.number - 1, (particles.number - 1) * math.pi * reach**2 / area)
+
+
+def _stokes(scene: Scene, scales: FlowScales | None) -> list[Fact]:
+    if scene.flow is None or scales is None or scene.flow.drag == 0.0:
+        return []
+    side = min(scene.domain.width, scene.domain.height)
+    number = scales.largest / (scene.flow.drag * side)
+    told = "follow the fluid" if number < 0.1 else "lag behind it" if number < 10.0 else "fly on"
+    why = f"Stokes number, U = {scales.largest:.3g}, L = {side:g}: particles {told}"
+    return [Fact("U/(gamma L)", f"{number:.2g}", why)]
+
+
+def _interaction(kind: ModelKind, scene: Scene) -> list[Fact]:
+    if scene.interaction is None:
+        return []
+    near, particles = neighbours_in_reach(scene), scene.particles
+    reach = potential_shape(particles.length, particles.width).reach
+    facts = [
+        Fact(
+            "neighbours in reach", "unknown" if near is None else f"{near:.3g}",
+            f"within {reach:.3g}, at the start; if these are few the limit of many particles is rough",
+        )
+    ]  # fmt: skip
+    if kind.is_grid:
+        cells = reach / scene.numerics.cell
+        verdict = "resolved" if cells >= _FEWEST_CELLS else "WARNING: too few to resolve it"
+        facts.append(Fact("reach in cells", f"{cells:.3g}", f"of the pair potential: {verdict}"))
+    return facts

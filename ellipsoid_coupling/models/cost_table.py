@@ -1,9 +1,9 @@
 """What a step of each kind of model costs, for `ellipsoid plan`: measured once, scaled to a machine.
 
-Nanoseconds of two threads on the machine where `REFERENCE_PROBE` was measured, 2026-11-28, two cores with
-AVX-512: (seconds of a run, compiled and warm)/(steps x items), by `workflows/plan_costs.py`, which prints
-this table anew. Items are the particles of all realisations, samples, or cells. A run is seldom off by more
-than a factor of three: grids are swept only where there is mass, particles gather, threads have company.
+Nanoseconds of two threads on the machine of `REFERENCE_PROBE`, 2026-11-28, two cores with AVX-512:
+(processor seconds of a run, compiled and warm)/(2 x steps x items). `workflows/plan_costs.py` prints this
+table anew. Items are the particles of all realisations, samples, or cells. A run is seldom off by more than
+a factor of three: grids are swept where there is mass only, particles gather, threads wait.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ COSTS: dict[tuple[str, str], StepCost] = {
     ("q", "paper"): StepCost(0.0, 0.0),
     ("q", "accurate"): StepCost(0.0, 0.0),
 }
-# Either way; `tests/models/test_plan_numbers.py` holds runs of the built-in scenes against it.
+# Either way.
 FACTOR = 3.0
 THREADS = 2
 # Seconds of `machine_probe` on that machine.

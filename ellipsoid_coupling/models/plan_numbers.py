@@ -4,6 +4,9 @@
     neighbours      others within the potential's reach, (N - 1) pi reach^2/|Omega_0| at the start
     reach/h         cells of a grid within that reach; a potential of few cells is not resolved
     T U/(C h)       steps of a grid by its CFL number C, where the fluid's speed limits them
+    T/dt            steps of particles to a tolerance, dt^3 phi3(gamma dt) gamma a = tolerance length: the
+                    error of a step (`particles.exponential`) in the fluid's acceleration a, the root of the
+                    mean square of (u grad) u over the domain
 
 Memory is what a run is refused by. Steps of a fixed length are exact; others, and times, are "about".
 """
@@ -14,6 +17,7 @@ import math
 from typing import NamedTuple
 
 import numba
+import numpy as np
 
 from ellipsoid_coupling.files.limits import in_words, memory_left, time_in_words
 from ellipsoid_coupling.flow import FlowField
@@ -28,6 +32,11 @@ from ellipsoid_coupling.models.schemes import scheme_named
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.scenes import Scene
 
+Range = tuple[float, float]
+
+# Points a side at which the fluid's acceleration is taken.
+_POINTS = 100
+_ITERATIONS, _SERIES = 30, 1e-3
 # Fewer cells within the reach do not resolve the potential's flank.
 _FEWEST_CELLS = 4.0
 
@@ -58,7 +67,7 @@ def plan_numbers(
     )
     scales = None if field is None else flow_scales(field, (scene.domain.x, scene.domain.y))
     items = item_count(kind, scene)
-    steps = None if kind.equilibrium else step_count(kind, setup, scales)
+    steps = None if kind.equilibrium else step_count(kind, setup, field, scales)
     facts = [_memory(kind, setup), Fact(*_items_in_words(kind, scene))]
     if steps is not None:
         told = f"{steps.number:.0f}" if steps.exact else f"about {steps.number:.2g}"
@@ -90,12 +99,14 @@ def _items_in_words(kind: ModelKind, scene: Scene) -> tuple[str, str, str]:
     )  # fmt: skip
 
 
-def step_count(kind: ModelKind, setup: Setup, scales: FlowScales | None) -> Steps | None:
+def step_count(
+    kind: ModelKind, setup: Setup, field: FlowField | None, scales: FlowScales | None
+) -> Steps | None:
     """The steps of a run; None where nothing that is known tells."""
     scene, numerics = setup.scene, setup.scene.numerics
     if not kind.is_grid:
         if scheme_named(setup.scheme).adaptive:
-            return None
+            return None if field is None else adaptive_steps(scene, field)
         return Steps(
             float(given_steps(scene)), True, f"of numerics.time_step = {numerics.time_step:g}"
         )
@@ -111,6 +122,38 @@ def given_steps(scene: Scene) -> int:
     starts = (0.0, *scene.times[:-1])
     gaps = [end - start for start, end in zip(starts, scene.times, strict=True)]
     return sum(math.ceil(gap / scene.numerics.time_step * (1.0 - 1e-12)) for gap in gaps)
+
+
+def adaptive_steps(scene: Scene, field: FlowField) -> Steps | None:
+    """Steps to a tolerance by the fluid alone; None without drag or acceleration. See the module."""
+    drag, tolerance = scene.flow.drag if scene.flow else 0.0, scene.numerics.tolerance
+    force = drag * fluid_acceleration(field, (scene.domain.x, scene.domain.y))
+    if not force > 0.0:
+        return None
+    allowed = tolerance * scene.particles.length / force
+    dt = allowed ** (1.0 / 3.0)
+    for _ in range(_ITERATIONS):
+        # The mean of old and new converges for every z, as phi3 falls between z^0 and 1/z.
+        dt = 0.5 * (dt + (allowed / phi3(drag * dt)) ** (1.0 / 3.0))
+    why = f"by numerics.tolerance = {tolerance:g} in this fluid; where particles meet, more"
+    return Steps(scene.times[-1] / dt, False, why)
+
+
+def phi3(z: float) -> float:
+    """(1 - z + z^2/2 - e^{-z})/z^3, 1/6 at 0."""
+    return 1.0 / 6.0 - z / 24.0 if z < _SERIES else (1.0 - z + 0.5 * z * z - math.exp(-z)) / z**3
+
+
+def fluid_acceleration(field: FlowField, box: tuple[Range, Range]) -> float:
+    """The root of the mean square of (u grad) u where there is fluid in a box; 0 without fluid."""
+    middles = (np.arange(_POINTS) + 0.5) / _POINTS
+    x, y = (low + middles * (high - low) for low, high in box)
+    at = field.evaluate(*np.meshgrid(x, y))
+    if not at.inside.any():
+        return 0.0
+    along_x = at.velocity_x * at.dux_dx + at.velocity_y * at.dux_dy
+    along_y = at.velocity_x * at.duy_dx - at.velocity_y * at.dux_dx
+    return float(np.sqrt(np.mean(along_x**2 + along_y**2, where=at.inside)))
 
 
 def _memory(kind: ModelKind, setup: Setup) -> Fact:

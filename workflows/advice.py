@@ -222,7 +222,7 @@ def write(verdicts: Sequence[Verdict], folder: Path) -> None:
     with whole_file(folder / "advice.md") as beside:
         beside.write_text(markdown(verdicts), encoding="utf-8")
     marks = [
-        AdviceMark(one.error, one.expected, one.found, one.cost_ratio, one.case)
+        AdviceMark(one.error, one.expected, one.found, one.cost_ratio, one.case, one.quantity)
         for one in verdicts
         if one.promised and not math.isnan(one.found)
     ]

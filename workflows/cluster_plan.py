@@ -63,7 +63,7 @@ class Measured(NamedTuple):
 # from the table of benchmarks, microscopic; memory of a process after a run of 4 realisations.
 MEASURED = Measured(
     realisation=0.27, sample_step=3.2e-7, node_step=0.040, steps=300.0, startup=1.4, cold_cache=16.7,
-    point=0.02, process=2.4e8,
+    point=0.011, process=2.4e8,
 )  # fmt: skip
 
 
@@ -101,16 +101,17 @@ class Job(NamedTuple):
 def ensemble(scene: Scene, realisations: int, cores: int, figures: Measured = MEASURED) -> Job:
     """Independent realisations, split into points of equal size, as many as there are cores.
 
-    seconds on a core = startup + points (point + size realisation);  bytes = 6 x 8 x N x R x times
+    seconds on a core = startup + point + size realisation
+    bytes = 6 x 8 x N x R x times, and as many again for the whole
     """
     size = math.ceil(realisations / cores)
     points = math.ceil(realisations / size)
-    each = figures.startup + figures.point + size * figures.realisation
+    begun = figures.startup + figures.point
     result = saved_bytes(scene, realisations)
     return Job(
         what=f"{realisations:.0e} realisations of {scene.particles.number} particles",
-        core_hours=points * each / 3600.0,
-        hours=(each + figures.cold_cache) / 3600.0,
+        core_hours=(points * begun + realisations * figures.realisation) / 3600.0,
+        hours=(figures.cold_cache + begun + size * figures.realisation) / 3600.0,
         cores=points,
         process_bytes=figures.process + peak(scene, ENSEMBLE, size),
         result_bytes=2.0 * result,

@@ -37,7 +37,7 @@ _RUNS = 3
 def main() -> dict[tuple[str, str], StepCost]:
     """Print, and return, the table."""
     numba.set_num_threads(min(THREADS, numba.get_num_threads()))
-    table = {}
+    table: dict[tuple[str, str], StepCost] = {}
     for layout, model in models().items():
         for scheme in SCHEMES:
             table[layout, scheme] = cost = measured(layout, model, scheme)

@@ -37,20 +37,20 @@ class StepCost(NamedTuple):
 
 # By layout ("samples" are those of one density) and scheme.
 COSTS: dict[tuple[str, str], StepCost] = {
-    ("particles", "paper"): StepCost(0.0, 0.0),
-    ("particles", "accurate"): StepCost(0.0, 0.0),
-    ("samples", "paper"): StepCost(0.0, 0.0, 0.0),
-    ("samples", "accurate"): StepCost(0.0, 0.0, 0.0),
-    ("rho", "paper"): StepCost(0.0, 0.0),
-    ("rho", "accurate"): StepCost(0.0, 0.0),
-    ("q", "paper"): StepCost(0.0, 0.0),
-    ("q", "accurate"): StepCost(0.0, 0.0),
+    ("particles", "paper"): StepCost(10.2, 4.86),
+    ("particles", "accurate"): StepCost(20.6, 5.73),
+    ("samples", "paper"): StepCost(10.6, 242.0, 125.0),
+    ("samples", "accurate"): StepCost(17.7, 435.0, 134.0),
+    ("rho", "paper"): StepCost(101.0, 691.0),
+    ("rho", "accurate"): StepCost(39.9, 548.0),
+    ("q", "paper"): StepCost(15.8, 12.8),
+    ("q", "accurate"): StepCost(14.3, 8.6),
 }
 # Either way.
 FACTOR = 3.0
 THREADS = 2
 # Seconds of `machine_probe` on that machine.
-REFERENCE_PROBE = 0.0
+REFERENCE_PROBE = 1.83e-3
 _PROBE_SIZE, _PROBES = 200_000, 5
 
 

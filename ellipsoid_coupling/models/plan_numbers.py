@@ -168,8 +168,9 @@ def _time(kind: ModelKind, setup: Setup, item_steps: float, steps: float) -> Fac
     scene = setup.scene
     each, nodes = cost.item, 0.0
     if scene.interaction is not None:
-        per_item = neighbours_in_reach(scene) if kind.independent_realisations else 1.0
-        each += cost.interacting * (1.0 if per_item is None else per_item)
+        each += cost.interacting * (
+            _spread_neighbours(scene) if kind.independent_realisations else 1.0
+        )
         nodes = node_count(scene, setup.realisations) if kind.is_sampled_density else 0.0
     seconds = 1e-9 * (item_steps * each + steps * nodes * cost.node)
     seconds *= machine_factor(numba.get_num_threads())
@@ -177,6 +178,13 @@ def _time(kind: ModelKind, setup: Setup, item_steps: float, steps: float) -> Fac
         "time", f"about {time_in_words(seconds)}",
         f"within a factor of {FACTOR:g} either way, if no other work is on this machine; without compiling",
     )  # fmt: skip
+
+
+def _spread_neighbours(scene: Scene) -> float:
+    """Neighbours in reach once the particles have spread over the domain, which they soon do."""
+    reach = potential_shape(scene.particles.length, scene.particles.width).reach
+    area = scene.domain.width * scene.domain.height
+    return (scene.particles.number - 1) * min(1.0, math.pi * reach**2 / area)
 
 
 def neighbours_in_reach(scene: Scene) -> float | None:

@@ -187,7 +187,11 @@ class Judge(NamedTuple):
         order = self._order(chain)
         refined = extrapolate(fine, middle, h_middle / h, order)
         left = (spacing / h) ** order
-        ahead = Bins(*(r + left * (b - r) for r, b in zip(refined[:2], fine[:2], strict=True)), 0)
+        ahead = Bins(
+            refined.density + left * (fine.density - refined.density),
+            refined.angle + left * (fine.angle - refined.angle),
+            0,
+        )
         value = self.worst(distance(ahead, self.reference.bins)[0])
         doubt = _DOUBT * self.worst(distance(ahead, fine)[0])
         if spacing == 0.0:

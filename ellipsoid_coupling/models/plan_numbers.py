@@ -3,12 +3,13 @@
     U/(gamma L)     Stokes number: U the fluid's largest speed, L the shorter side of the domain
     neighbours      others within the potential's reach, (N - 1) pi reach^2/|Omega_0| at the start
     reach/h         cells of a grid within that reach; a potential of few cells is not resolved
-    T U/(C h)       steps of a grid by its CFL number C, where the fluid's speed limits them
+    T U/(C h)       steps of a grid by its CFL number C where all moves at the fluid's speed from the start:
+                    the most, unless forces make it faster
     T/dt            steps of particles to a tolerance, dt^3 phi3(gamma dt) gamma a = tolerance length: the
                     error of a step (`particles.exponential`) in the fluid's acceleration a, the root of the
                     mean square of (u grad) u over the domain
 
-Memory is what a run is refused by. Steps of a fixed length are exact; others, and times, are "about".
+Memory is what a run is refused by. Steps of a fixed length are exact; others, and times, are not.
 """
 
 from __future__ import annotations
@@ -42,10 +43,13 @@ _FEWEST_CELLS = 4.0
 
 
 class Steps(NamedTuple):
-    """How many, and whether that is exact."""
+    """How many, how exact that is, and why.
+
+    precision : "" for an exact number, else words before it, such as "about "
+    """
 
     number: float
-    exact: bool
+    precision: str
     why: str
 
 
@@ -70,10 +74,16 @@ def plan_numbers(
     steps = None if kind.equilibrium else step_count(kind, setup, field, scales)
     facts = [_memory(kind, setup), Fact(*_items_in_words(kind, scene))]
     if steps is not None:
-        told = f"{steps.number:.0f}" if steps.exact else f"about {steps.number:.2g}"
+        number = two_digits(steps.number) if steps.precision else steps.number
+        told = f"{steps.precision}{number:.0f}"
         facts.append(Fact("steps", told, steps.why))
-        facts.append(_time(kind, setup, items * steps.number, steps.number))
+        facts.append(_time(kind, setup, items, steps))
     return [*facts, *_stokes(scene, scales), *_interaction(kind, scene)]
+
+
+def two_digits(number: float) -> float:
+    """Rounded to what is known of it."""
+    return float(f"{number:.2g}")
 
 
 def item_count(kind: ModelKind, scene: Scene) -> int:
@@ -108,13 +118,13 @@ def step_count(
         if scheme_named(setup.scheme).adaptive:
             return None if field is None else adaptive_steps(scene, field)
         return Steps(
-            float(given_steps(scene)), True, f"of numerics.time_step = {numerics.time_step:g}"
+            float(given_steps(scene)), "", f"of numerics.time_step = {numerics.time_step:g}"
         )
     if scales is None or not scales.largest > 0.0:
         return None
     number = scene.times[-1] * scales.largest / (numerics.cfl * numerics.cell)
     why = f"T U/(C h), by the CFL number {numerics.cfl:g} at the fluid's speed {scales.largest:.3g}"
-    return Steps(number, False, why)
+    return Steps(number, "at most about ", why)
 
 
 def given_steps(scene: Scene) -> int:
@@ -136,7 +146,7 @@ def adaptive_steps(scene: Scene, field: FlowField) -> Steps | None:
         # The mean of old and new converges for every z, as phi3 falls between z^0 and 1/z.
         dt = 0.5 * (dt + (allowed / phi3(drag * dt)) ** (1.0 / 3.0))
     why = f"by numerics.tolerance = {tolerance:g} in this fluid; where particles meet, more"
-    return Steps(scene.times[-1] / dt, False, why)
+    return Steps(scene.times[-1] / dt, "about ", why)
 
 
 def phi3(z: float) -> float:
@@ -162,7 +172,7 @@ def _memory(kind: ModelKind, setup: Setup) -> Fact:
     return Fact("memory", f"about {in_words(need)}", f"{told}; {in_words(left)} are left")
 
 
-def _time(kind: ModelKind, setup: Setup, item_steps: float, steps: float) -> Fact:
+def _time(kind: ModelKind, setup: Setup, items: int, steps: Steps) -> Fact:
     """Seconds by `cost_table`."""
     cost = cost_of(kind, setup.scheme)
     scene = setup.scene
@@ -172,10 +182,10 @@ def _time(kind: ModelKind, setup: Setup, item_steps: float, steps: float) -> Fac
             _spread_neighbours(scene) if kind.independent_realisations else 1.0
         )
         nodes = node_count(scene, setup.realisations) if kind.is_sampled_density else 0.0
-    seconds = 1e-9 * (item_steps * each + steps * nodes * cost.node)
+    seconds = 1e-9 * steps.number * (items * each + nodes * cost.node)
     seconds *= machine_factor(numba.get_num_threads())
     return Fact(
-        "time", f"about {time_in_words(seconds)}",
+        "time", f"{steps.precision or 'about '}{time_in_words(two_digits(seconds))}",
         f"within a factor of {FACTOR:g} either way, if no other work is on this machine; without compiling",
     )  # fmt: skip
 

@@ -46,8 +46,8 @@ def seconds_text(row: AdviceRow) -> str:
 def advice_lines(advice: Advice) -> list[str]:
     """The answer in sentences; without the command."""
     lines = [
-        f"Errors are the largest L1 distance over the saved times, against {advice.reference}, which is "
-        f"known to {advice.reference_error:.2g}.",
+        "Errors are the largest L1 distance over the saved times, against "
+        f"{advice.reference}, known to {advice.reference_error:.2g}.",
         f"{advice.spent:.3g} of {advice.seconds:g} s were used for short runs, compiling aside.",
     ]
     best = advice.best

@@ -137,6 +137,8 @@ def _verdict(course: Course, judge: Judge, error: float, expected: Interval, mea
     """In words: whether the error is kept, and why not."""
     if expected.high <= error:
         return "keeps it" if measured else "will keep it, extrapolated"
+    if judge.doubt >= error:
+        return f"unknown: so is the reference, to {judge.doubt:.2g}"
     floor = judge.floor(course)
     if floor is not None and floor.low > error:
         return f"{_OFF} {floor.value:.2g}"

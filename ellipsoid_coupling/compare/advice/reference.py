@@ -26,13 +26,14 @@ from ellipsoid_coupling.models import ADAPTIVE_SCHEME
 from ellipsoid_coupling.scenes import Scene
 
 # The reference is refined until it moves by less than this part of the error, and may take this part of
-# the budget for it.
+# the budget for it. Without a second resolution it tells nothing, so that this one may take more.
 FINE_ENOUGH = 0.25
-_PART_OF_BUDGET = 0.5
+_PART_OF_BUDGET, _PART_FOR_TWO = 0.5, 0.8
 # Points a side of the exact solution; on the bins of `cavity_free` 384^2 are 0.003 off, 256^2 0.005.
-_SIDES = (96, 192, 384)
+_SIDES = (64, 128, 256, 384)
 _FEWEST = 32
 _NO_OVERLAP = 2.0
+EXACT = "the exact solution"
 # With its noise taken out a random reference is still as far off as this part of its sampling error: it is
 # taken out fold by fold, from eight folds.
 _NOISE_LEFT = 0.35
@@ -45,7 +46,7 @@ class AdviceReference:
     Attributes
     ----------
     name : str
-        "exact", or the model of the samples.
+        `EXACT`, or the model of the samples.
     bins : Bins
     spread : Errors
         How far it may be off, (T,) each; 2 where only one resolution was affordable.
@@ -76,26 +77,23 @@ def noise_group(scene: Scene) -> int | None:
 def find_reference(
     scene: Scene, error: float, quantity: Kind, bench: Bench, budget: Budget
 ) -> AdviceReference:
-    """The reference for an error, within half of the budget.
+    """The reference for an error, within half of the budget if that is enough for two resolutions.
 
     Raises
     ------
     RunError
         If its first resolution fails, or takes more than the budget.
     """
-    share = _PART_OF_BUDGET * budget.seconds
     exact = has_exact_reference(scene)
-    name = "exact" if exact else sampled_kind().name
-    steps = (
-        _exact_steps(scene, bench, budget) if exact else _sampled_steps(scene, bench, budget, share)
-    )
+    name = EXACT if exact else sampled_kind().name
+    steps = _exact_steps(scene, bench, budget) if exact else _sampled_steps(scene, bench, budget)
     last = next(steps)
     nothing = np.full(len(scene.times), _NO_OVERLAP)
     found = AdviceReference(name, last.bins, Errors(nothing, nothing), last.text)
     costs = _costs(scene, exact)
     for k in range(1, len(costs)):
         enough = float(np.max(getattr(found.spread, quantity))) <= FINE_ENOUGH * error
-        if enough or budget.spent + last.seconds * costs[k] / costs[k - 1] > share:
+        if enough or last.seconds * costs[k] / costs[k - 1] > _allowed(budget, k):
             break
         try:
             step = next(steps)
@@ -104,6 +102,12 @@ def find_reference(
         spread = _doubt(step.bins, last.bins)
         found, last = AdviceReference(name, step.bins, spread, step.text), step
     return found
+
+
+def _allowed(budget: Budget, number: int) -> float:
+    """Seconds for a resolution; the first may take all that there is, as one is needed in any case."""
+    part = (1.0, _PART_FOR_TWO)[number] if number < 2 else _PART_OF_BUDGET
+    return max(0.0, part * budget.seconds - budget.spent)
 
 
 def _doubt(fine: Bins, coarse: Bins) -> Errors:
@@ -150,16 +154,14 @@ def _exact_steps(scene: Scene, bench: Bench, budget: Budget) -> Iterator[_Step]:
         yield _Step(bins, f"{side} x {side} points", budget.spent - before)
 
 
-def _sampled_steps(scene: Scene, bench: Bench, budget: Budget, share: float) -> Iterator[_Step]:
+def _sampled_steps(scene: Scene, bench: Bench, budget: Budget) -> Iterator[_Step]:
     kind, levels = sampled_kind(), tuple(_levels(scene))
     group = noise_group(scene)
     refinement = Refinement(kind, ADAPTIVE_SCHEME, levels)
     other = replace(bench, seed=bench.seed + 1)
     other.warm_up(refinement)
     for number, level in enumerate(levels):
-        # One reference is needed in any case; it may take all that there is.
-        allowed = budget.left if number == 0 else max(share - budget.spent, 0.0)
-        timed = budget.run(other, refinement, level, allowed)
+        timed = budget.run(other, refinement, level, _allowed(budget, number))
         with budget.counting():
             bins = bin_result(timed.result, group)
         yield _Step(bins, str(timed.result.attributes["resolution"]), timed.best)

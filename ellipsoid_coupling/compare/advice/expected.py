@@ -11,9 +11,10 @@ L1 distance (`compare.error_budget`), all at each saved time; the largest over t
     more even samples         falls by the mean factor of the last levels, at most 3 a level
 
 The modelling error is what is left with an infinite resolution: |R - Y| of a grid, o of an ensemble of
-particles. Uncertainties: u, how far the reference may be off, and half of how far B_1 was extrapolated,
-added in squares, since the two have nothing in common. Samples of the reference's own model have the same
-kind of error as the reference, so that u adds to theirs in full.
+particles. The reference may be off by u. What a run and the reference are off has little in common, so that
+|B - Y| between both becomes (|B - Y|^2 + u^2)^(1/2), and a quarter of u more, as little is not nothing.
+Samples of the reference's own model err as it does: u adds to theirs in full. Half of how far B_1 was
+extrapolated is added to either.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ _ORDER_OF_TWO_RUNS = 1.0
 _SLOWEST = 0.99
 # A level of even samples has twice as many of them, and steps and nodes to match.
 _LARGEST_FALL = 3.0
+# Of how far the reference may be off, the part that runs may share.
+_IN_COMMON = 0.25
 # Of what is extrapolated, the part that may be wrong.
 _DOUBT = 0.5
 # An offset below so many standard errors of its estimate may be none; see `frontier_report`.
@@ -176,6 +179,7 @@ class Judge(NamedTuple):
         if course.refinement.kind.name == self.reference.name:
             return Interval.around(value, u + doubt)
         low = math.sqrt(max(0.0, value**2 - u**2))
+        doubt += _IN_COMMON * u
         return Interval(max(0.0, low - doubt), value, math.hypot(value, u) + doubt)
 
     def _of_grid(self, course: Course, spacing: float) -> Interval | None:

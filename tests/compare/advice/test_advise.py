@@ -161,11 +161,11 @@ def test_a_modelling_error_above_the_error_is_no_promise(monkeypatch: pytest.Mon
 
 
 def test_what_the_reference_cannot_tell_is_no_promise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It moves by 40/256 - 40/384 = 0.052 at last, so that 0.04 is below what is known."""
+    """It moves by 40/384 - 40/768 = 0.052 at last, so that 0.04 is below what is known."""
     known(monkeypatch, "rho_mono_kinetic", moves=40.0)
     advice = ask(0.04)
     assert not advice.promised
-    assert advice.reference_error == pytest.approx(40 / 256 - 40 / 384, rel=1e-6)
+    assert advice.reference_error == pytest.approx(40 / 384 - 40 / 768, rel=1e-6)
     assert "the reference itself" in advice.reason
     assert all(row.verdict.startswith("unknown: so is the reference") for row in advice.rows)
     assert "No promise of 0.04" in "\n".join(advice_lines(advice))

@@ -28,7 +28,7 @@ from ellipsoid_coupling.output.figures import AdviceMark, draw_advice
 from ellipsoid_coupling.output.progress import ProgressReporter
 from ellipsoid_coupling.simulation import scene_flow
 
-ERRORS = (0.10, 0.03)
+ERRORS, QUICK_ERRORS = (0.10, 0.03), (0.5, 0.3)
 LONGEST, SECONDS = 4.0, 40.0
 # Large particles and wide cells are less work, and so are short times.
 LARGE: dict[str, Any] = {
@@ -111,14 +111,19 @@ class Verdict(NamedTuple):
 
 
 def judged(
-    case: str, scene: Scene, flow: FlowField | None, frontier: Frontier, **options: Any
+    case: str,
+    scene: Scene,
+    flow: FlowField | None,
+    frontier: Frontier,
+    errors: Sequence[float] = ERRORS,
+    **options: Any,
 ) -> Iterator[Verdict]:
     """All questions of one case.
 
     options : seconds and report, for `advise`
     """
     for quantity in KINDS:
-        for error in ERRORS:
+        for error in errors:
             advice = advise(scene, error=error, quantity=quantity, flow=flow, **options)
             best, cheapest = advice.best, cheapest_of(frontier, quantity, error)
             found = (
@@ -188,7 +193,8 @@ def main(arguments: Sequence[str] | None = None) -> Path:
                 sys.stderr.write(f"{case} is left out: {error}\n")
                 continue
             asked = {"seconds": options.seconds, "report": report}
-            verdicts += judged(case, scene, flow, frontier, **asked)
+            errors = QUICK_ERRORS if options.quick else ERRORS
+            verdicts += judged(case, scene, flow, frontier, errors, **asked)
             # After each case, so that its results survive an interruption.
             write(verdicts, folder)
     sys.stdout.write(f"{summary(verdicts)}\n{folder}\n")

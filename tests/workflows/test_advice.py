@@ -7,7 +7,15 @@ import sys
 from pathlib import Path
 
 import matplotlib.image
+import numpy as np
 import pytest
+
+import ellipsoid_coupling as ec
+from ellipsoid_coupling.compare import Errors, Frontier, FrontierRow
+from ellipsoid_coupling.compare.advice import AdviceRow, Asked, Interval
+from ellipsoid_coupling.compare.cheapest import Kind
+from ellipsoid_coupling.models import resolution_text
+from ellipsoid_coupling.scenes import Scene
 
 sys.path.append(str(Path(__file__).parents[2] / "workflows"))
 
@@ -16,20 +24,50 @@ import advice
 PROMISES_KEPT, LARGEST_RATIO = 0.95, 2.0
 
 
-def test_a_quick_check_leaves_all_it_promises(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def frontier_of(scene: Scene, *rows: tuple[str, float, float]) -> Frontier:
+    """Runs of a model at the scene's own resolution: scheme, error and seconds."""
+    text = resolution_text("rho_mono_kinetic", "accurate", scene, 1)
+    made = [
+        FrontierRow(scene.name, "rho_mono_kinetic", scheme, text, (error,), (error,), seconds)
+        for scheme, error, seconds in rows
+    ]
+    times = np.array(scene.times[-1:])
+    nothing = Errors(np.zeros(1), np.zeros(1))
+    reference = ec.Result(scene, "exact", "", "particles", times, {}, {})
+    return Frontier(made, reference, exact=True, sampling=nothing, finest={})
+
+
+def test_a_check_leaves_all_it_promises(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Four questions; errors, and not seconds, are held: clocks decide which run is the cheapest."""
-    folder = advice.main(["--quick", "--longest", "0.1", "--seconds", "5", "--out", str(tmp_path)])
-    assert capsys.readouterr().out.strip().splitlines()[-1] == str(folder)
-    rows = list(csv.DictReader((folder / "advice.csv").read_text().splitlines()))
-    assert len(rows) == 4
-    assert all(
-        float(row["expected_high"]) <= float(row["error"]) for row in rows if row["kept"] == "True"
+    """Advice of twice the cheapest seconds, whose error is kept for one of two targets."""
+
+    def compared(scene: Scene, *_: object, **__: object) -> Frontier:
+        return frontier_of(scene, ("accurate", 0.4, 2.0), ("paper", 0.45, 1.0))
+
+    def advised(scene: Scene, *, error: float, quantity: Kind, **_: object) -> ec.Advice:
+        text = resolution_text("rho_mono_kinetic", "accurate", scene, 1)
+        expected = Interval(0.1, 0.2, 0.25)
+        row = AdviceRow(
+            "rho_mono_kinetic", "accurate", text, scene, expected, expected, True, True, "keeps it"
+        )
+        return ec.Advice(
+            scene, error, quantity, 1.0, 0.5, "", 0.0, (row,), (), row, "", Asked("rotation")
+        )
+
+    monkeypatch.setattr(advice, "run_frontier", compared)
+    monkeypatch.setattr(advice, "advise", advised)
+    folder = advice.main(["--quick", "--out", str(tmp_path)])
+    out = capsys.readouterr().out.strip().splitlines()
+    assert out[-1] == str(folder)
+    assert out[0].startswith(
+        "4 questions, 4 promises that were checked, 2 of them kept; 2 of 2 cost"
     )
+    rows = list(csv.DictReader((folder / "advice.csv").read_text().splitlines()))
+    assert [row["kept"] for row in rows] == 2 * ["True", "False"]
+    assert [row["cost_ratio"] for row in rows] == 2 * ["2.0", "nan"]
     text = (folder / "advice.md").read_text().splitlines()
     assert len(text) == 2 + 4 + 2
-    assert text[-1].startswith("4 questions, ")
     assert matplotlib.image.imread(folder / "advice.png").ndim == 3
 
 

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ellipsoid_coupling.compare.advice import Advice, advise
     from ellipsoid_coupling.errors import (
         EllipsoidError,
         InputError,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
     "EllipsoidError",
     "FlowField",
     "FlowSeries",
@@ -44,6 +46,7 @@ __all__ = [
     "Scene",
     "StokesRates",
     "WriteError",
+    "advise",
     "builtin_scenes",
     "load_scene",
     "register_model",
@@ -54,6 +57,7 @@ __all__ = [
 
 # Loaded when first asked for: numba and scipy take a second, which `ellipsoid --help` does not need.
 _HOMES = {
+    "compare.advice": ("Advice", "advise"),
     "errors": ("EllipsoidError", "InputError", "Interrupted", "RunError", "WriteError"),
     "flow": ("FlowField", "FlowSeries"),
     "models": ("register_model",),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from ellipsoid_coupling.commands import cases, listing
+from ellipsoid_coupling.commands.advise import advise
 from ellipsoid_coupling.commands.movie import movie
 from ellipsoid_coupling.commands.report import report as report_command
 from ellipsoid_coupling.commands.sweep import sweep
@@ -61,12 +62,14 @@ def plan(
     /,
     *,
     model: str | None = None,
+    scheme: str | None = None,
     flow: FlowChoice = _FLOW,
     set_: Settings = None,
 ) -> None:
-    """List every term of a scene: whether it runs, and why.
+    """List every term of a scene, whether it runs and why; and how large the run is.
 
-    With --flow also what the flow is, its patches, and the particles' Stokes and Reynolds numbers.
+    Memory, steps and about how long; with --flow also what the flow is, its patches, and the particles'
+    Stokes and Reynolds numbers.
 
     Parameters
     ----------
@@ -75,13 +78,22 @@ def plan(
     model
         The model that it is planned for: microscopic (if left out), mckean_vlasov, q_maxwellian,
         q_mono_kinetic, rho_mono_kinetic, diffusive or stationary_state.
+    scheme
+        paper or accurate.
     """
     from ellipsoid_coupling.flow.openfoam.viscosity import viscosity_at
-    from ellipsoid_coupling.models import kind_named, model_kinds, plan_terms
-    from ellipsoid_coupling.output.plan_report import print_flow
+    from ellipsoid_coupling.models import (
+        ADAPTIVE_SCHEME,
+        kind_named,
+        model_kinds,
+        plan_terms,
+        scheme_named,
+    )
+    from ellipsoid_coupling.output.plan_report import print_flow, print_numbers
     from ellipsoid_coupling.simulation import scene_flow
 
     kind = model_kinds()[0] if model is None else kind_named(model)
+    numerics = scheme_named(scheme or ADAPTIVE_SCHEME).name
     chosen = chosen_scene(scene, set_)
     terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
@@ -90,6 +102,7 @@ def plan(
         with ProgressReporter("flow") as report:
             field = scene_flow(chosen, flow.given(), report)
     print_table(f"{chosen.name}, {kind.name}", ("term", "", "why"), rows)
+    print_numbers(chosen, kind.name, numerics, field)
     if field is not None and flow.flow is not None:
         print_flow(chosen, field, viscosity_at(flow.flow))
 
@@ -152,6 +165,7 @@ def run(
 
 
 app.command(sweep)
+app.command(advise)
 
 
 def _no_model(scene: Scene) -> InputError:

@@ -2,10 +2,10 @@
 
     bash workflows/results.sh [--only PART ...] [--quick] [--out DIR] [--pages DIR]
 
-Runs the main job, ellipses in two flows, the paper again, the frontier, the stability map, the benchmark
-and the table of cases, one after another, each into a folder of its own below --out. Then it replaces the
-tables that the pages include and the pictures that they and the README show, which it stamps: those of the
-checkout, or with --pages those below another folder.
+Runs the main job, ellipses in two flows, the paper again, the frontier, the advice, the stability map, the
+benchmark and the table of cases, one after another, each into a folder of its own below --out. Then it
+replaces the tables that the pages include and the pictures that they and the README show, which it stamps:
+those of the checkout, or with --pages those below another folder.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import advice
 import benchmark
 import case_table
 import cavity
@@ -86,6 +87,15 @@ def told_by_frontier(folder: Path, *, quick: bool) -> Told:
     return Told([rows[0], *rows[2:]], "", ("error_parts_cavity_free.png",))
 
 
+def told_by_advice(folder: Path, *, quick: bool) -> Told:
+    """Whether advice holds, against full comparisons."""
+    advice.main(["--out", str(folder), *_quick(quick)])
+    lines = (folder / "advice.md").read_text("utf-8").splitlines()
+    rows = [[c.strip() for c in line.strip("|").split(" | ")] for line in lines if line[:1] == "|"]
+    pictures = ("advice.png",) if (folder / "advice.png").is_file() else ()
+    return Told([rows[0], *rows[2:]], lines[-1], pictures)
+
+
 def told_by_stability(folder: Path, *, quick: bool) -> Told:
     """How many runs of each model and scheme hold."""
     cases = chosen_cases(quick=True)[:2] if quick else chosen_cases(quick=False)
@@ -120,6 +130,7 @@ PARTS: dict[str, Callable[..., Told]] = {
     "flows": told_by_flows,
     "paper": told_by_paper,
     "frontier": told_by_frontier,
+    "advice": told_by_advice,
     "stability": told_by_stability,
     "benchmark": told_by_benchmark,
     "cases": told_by_cases,

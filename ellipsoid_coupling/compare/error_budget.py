@@ -147,7 +147,7 @@ def first_groups(bins: Bins, count: int) -> Bins:
     return bins._replace(density=bins.density[:count], angle=bins.angle[:count])
 
 
-def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: int = ORDER) -> Bins:
+def extrapolate(fine: Bins, coarse: Bins, ratio: float, order: float = ORDER) -> Bins:
     """Richardson: fine + (fine - coarse)/(ratio^order - 1), of runs without groups.
 
     Bins that would become negative are set to 0, the others scaled down to the mass of `fine`.

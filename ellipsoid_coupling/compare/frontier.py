@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def run_frontier(
     """
     bench = Bench(flow, seed, longest, report)
     models = frontier_models() if models is None else models
-    refinements, left_out = _fitting(scene, models, bench)
+    refinements, left_out = fitting_refinements(scene, models, bench)
     reference = make_reference(scene, models, bench)
     group = reference.group_size
     runs = [(refinement, run_levels(refinement, bench, group)) for refinement in refinements]
@@ -158,7 +158,7 @@ def run_frontier(
     )
 
 
-def _fitting(
+def fitting_refinements(
     scene: Scene, models: Sequence[str], bench: Bench
 ) -> tuple[list[Refinement], list[tuple[str, str]]]:
     """The refinements of the models that take the scene, warmed up; the others and their reasons."""
@@ -197,14 +197,13 @@ def run_levels(refinement: Refinement, bench: Bench, sample_group: int | None) -
         except RunError as error:
             runs.append(LevelRun(level, None, None, f"failed: {error}"))
             continue
-        bins = bin_result(timed.result, _group_size(refinement.kind, level.scene, sample_group))
+        bins = bin_result(timed.result, group_size(refinement.kind, level.scene, sample_group))
         last = (timed.best, level.cost)
-        light = replace(timed, result=replace(timed.result, variables={}))
-        runs.append(LevelRun(level, light, bins, "completed"))
+        runs.append(LevelRun(level, timed.without_arrays(), bins, "completed"))
     return runs
 
 
-def _group_size(kind: ModelKind, scene: Scene, sample_group: int | None) -> int | None:
+def group_size(kind: ModelKind, scene: Scene, sample_group: int | None) -> int | None:
     """The number of particles in a group that is independent of the others; None without groups."""
     if kind.is_grid:
         return None
@@ -219,7 +218,7 @@ def _refined(
     for refinement, levels in runs:
         if not refinement.kind.is_grid or refinement.scheme != ADAPTIVE_SCHEME:
             continue
-        chain = _coarser_and_coarser(levels)
+        chain = coarser_and_coarser(levels)
         if len(chain) == 1:
             refined[refinement.model] = (chain[0][1], None)
         elif chain:
@@ -230,7 +229,7 @@ def _refined(
     return refined
 
 
-def _coarser_and_coarser(runs: Sequence[LevelRun]) -> list[tuple[float, Bins]]:
+def coarser_and_coarser(runs: Sequence[LevelRun]) -> list[tuple[float, Bins]]:
     """Spacing and bins of the finest level, and on to the next that is wider by `_LEAST_RATIO`."""
     chain: list[tuple[float, Bins]] = []
     for run in reversed(runs):

@@ -76,7 +76,7 @@ def make_reference(scene: Scene, models: Sequence[str], bench: Bench) -> Referen
         bench.tell(f"{scene.name}: exact reference", 1.0)
         bins = bin_result(result)
     else:
-        sampled = _first_kind(lambda kind: kind.is_sampled_density)
+        sampled = sampled_kind()
         name = sampled.name
         result, before = _refined_samples(
             scene,
@@ -98,11 +98,13 @@ def _first_kind(has: Callable[[ModelKind], bool]) -> ModelKind:
     return next(kind for kind in model_kinds() if has(kind))
 
 
-def _refined_samples(scene: Scene, kind: ModelKind, bench: Bench) -> tuple[Result, Result | None]:
-    """Samples up to the scene's own tolerance and a million of them, as far as time allows.
+def sampled_kind() -> ModelKind:
+    """The model whose samples are the reference where there is no exact solution."""
+    return _first_kind(lambda kind: kind.is_sampled_density)
 
-    Returns the finest run and the one before it, whose interaction is coarser as well.
-    """
+
+def sample_levels(scene: Scene) -> list[Level]:
+    """Samples up to the scene's own tolerance and a million of them."""
     numerics, own = scene.numerics, scene.particles.realisations
     most = max(own, _MOST_SAMPLES // scene.particles.number)
     levels = []
@@ -115,9 +117,17 @@ def _refined_samples(scene: Scene, kind: ModelKind, bench: Bench) -> tuple[Resul
             "particles.realisations": most if harmonics == _REFINED[-1][1] else own,
         }
         levels.append(Level(changed(scene, values), work, 0.0))
+    return levels
+
+
+def _refined_samples(scene: Scene, kind: ModelKind, bench: Bench) -> tuple[Result, Result | None]:
+    """The finest of `sample_levels` that time allows.
+
+    Returns its run and the one before it, whose interaction is coarser as well.
+    """
     # The last level has the most samples. Their cost is not known in advance: a run that takes too long
     # is stopped, and the level before it is taken.
-    return _finest(Refinement(kind, ADAPTIVE_SCHEME, tuple(levels)), bench)
+    return _finest(Refinement(kind, ADAPTIVE_SCHEME, tuple(sample_levels(scene))), bench)
 
 
 def _refined_ensemble(scene: Scene, kind: ModelKind, bench: Bench) -> Bins:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,9 +20,13 @@ REPEATS = 3
 # Longer runs are timed once, because disturbances are a small part of them.
 _SHORT = 2.0
 # A run is stopped when it takes this many times the seconds that it may take.
-_PATIENCE = 1.5
+PATIENCE = 1.5
 # Part of the first save time that a warm-up runs to.
 _WARM_UP = 1e-3
+
+
+class Stopped(RunError):
+    """A run that took longer than it was allowed to."""
 
 
 def warm_up(
@@ -50,6 +54,10 @@ class Timed:
     best: float
     median: float
     repeats: int
+
+    def without_arrays(self) -> Timed:
+        """The same, with a result that keeps its attributes alone."""
+        return replace(self, result=replace(self.result, variables={}))
 
 
 @dataclass(frozen=True)
@@ -90,7 +98,7 @@ class Bench:
         Raises
         ------
         RunError
-            If the run fails, or is stopped because it takes too long.
+            If the run fails; `Stopped` if it takes too long.
         """
         seconds: list[float] = []
         while True:
@@ -108,8 +116,8 @@ class Bench:
             now = time.perf_counter()
             if not started:
                 started.append(now)
-            if part < 1.0 and now - started[0] > _PATIENCE * self.longest:
-                raise RunError(f"stopped at {part:.0%} after {now - started[0]:.0f} s")
+            if part < 1.0 and now - started[0] > PATIENCE * self.longest:
+                raise Stopped(f"stopped at {part:.0%} after {now - started[0]:.0f} s")
             self.tell(stage, part)
 
         return simulate(

@@ -24,7 +24,7 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
 from ellipsoid_coupling.flow.series import load_flow
 from ellipsoid_coupling.flow.when import LATEST, Divergence, When
 from ellipsoid_coupling.scenes import Scene
-from ellipsoid_coupling.scenes.scene import Flow
+from ellipsoid_coupling.scenes.scene import Domain, Flow
 
 SHIPPED = Path(__file__).parent / "shipped"
 
@@ -143,6 +143,17 @@ def obtain_flow(
             f"Install it: {INSTALL}; or give a solved case with --flow.",
         )  # fmt: skip
     return _from("shipped, as OpenFOAM is not installed", FlowField.load(SHIPPED / f"{case}.npz"))
+
+
+def known_flow(part: Flow, domain: Domain) -> FlowField | None:
+    """A scene's flow, if that takes no solver and no case: its formula, or the shipped field.
+
+    For what is told of a flow before a run; a run may solve the case on other cells. None elsewhere.
+    """
+    if part.source == "closed_form":
+        return closed_form_flow(part, domain)
+    shipped = SHIPPED / f"{part.field}.npz"
+    return FlowField.load(shipped) if part.field and shipped.is_file() else None
 
 
 def find_flow(case: str, cells: int, digest: str) -> FlowField | None:

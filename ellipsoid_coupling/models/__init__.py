@@ -9,6 +9,7 @@ from ellipsoid_coupling.models.earlier import Earlier
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind, Variable
 from ellipsoid_coupling.models.plan import model_terms, plan_flow, plan_patches, plan_terms
+from ellipsoid_coupling.models.plan_numbers import plan_numbers
 from ellipsoid_coupling.models.registry import (
     build_model,
     find_kind,
@@ -51,6 +52,7 @@ __all__ = [
     "model_names",
     "model_terms",
     "plan_flow",
+    "plan_numbers",
     "plan_patches",
     "plan_terms",
     "register_model",

@@ -108,15 +108,22 @@ def _particle_needs(kind: ModelKind, setup: Setup) -> list[Need]:
     ]
 
 
-def _node_needs(scene: Scene, realisations: int) -> list[Need]:
-    """For samples that interact through nodes; none for those that interact pair by pair."""
+def node_count(scene: Scene, realisations: int) -> float:
+    """Nodes that samples interact through; 0 for those that interact pair by pair."""
     samples = scene_samples(scene, scene.particles.number * realisations)
     if samples is None or affordable_harmonics(samples) < 0:
-        return []
+        return 0.0
     h = samples.width / nodes_per_width(samples.shape, samples.width, samples.tolerance)
+    return _cells(scene, h)
+
+
+def _node_needs(scene: Scene, realisations: int) -> list[Need]:
+    nodes = node_count(scene, realisations)
+    if nodes == 0.0:
+        return []
     # Density, and cosine and sine of twice the angle, on the nodes and in the transform.
     keys = "keys particles.width, domain, numerics.harmonics_tolerance"
-    return [_need("nodes", _cells(scene, h), keys, 6)]
+    return [_need("nodes", nodes, keys, 6)]
 
 
 def _need(what: str, count: float, keys: str, numbers: float) -> Need:

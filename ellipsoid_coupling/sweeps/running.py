@@ -238,10 +238,12 @@ def _checked_need(sweep: Sweep, point: Point) -> float:
     setup = checked_setup(scene, point.model, sweep.lists.scheme, point.seed, point.numbers)
     if point.numbers is not None and not kind.independent_realisations:
         expected = "a model with independent realisations"
-        raise InputError("--realisations", expected, point.model, "Leave it out for this model.")
+        found = f"{point.model}, all of whose samples are one density"
+        raise InputError("--realisations", expected, found, "Leave it out for this model.")
     if point.numbers is not None and scene.has_inflow:
         expected = "a scene without inlets, in which all realisations hold as many particles"
-        raise InputError("--realisations", expected, f"inlets in {scene.name}", "Leave it out.")
+        remedy = "Leave it out; with inlets, runs of other seeds (--seeds A:B) can share the work."
+        raise InputError("--realisations", expected, f"inlets in {scene.name}", remedy)
     if scene.flow is None:
         scene_flow(scene, _wanted(sweep))  # refuses a flow for a scene without a fluid
     return peak_memory(kind, setup)

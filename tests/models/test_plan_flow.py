@@ -98,4 +98,6 @@ def test_the_command_prints_them(capsys: pytest.CaptureFixture[str]) -> None:
 def test_without_flow_nothing_is_read(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["plan", "cavity_free"])
-    assert "Stokes number" not in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "Reynolds number" not in out
+    assert "The flow and the particles" not in out

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import sys
 from collections.abc import Callable, Iterator
 from itertools import groupby
+from pathlib import Path
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.cli import app
 from ellipsoid_coupling.models import model_kinds
+
+sys.path.append(str(Path(__file__).parents[1]))
+import cluster_plan
 
 # What is registered from outside, in the order of the pages that show how.
 REGISTER = (
@@ -112,4 +117,5 @@ GENERATED: dict[str, Callable[[], str]] = {
     "python api": python_api,
     "registration": registration,
     "models": models,
+    "cluster plan": cluster_plan.table,
 }

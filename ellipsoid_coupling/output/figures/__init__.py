@@ -3,6 +3,7 @@
 from ellipsoid_coupling.files.extras import missing
 
 try:
+    from ellipsoid_coupling.output.figures.advice import AdviceMark, draw_advice
     from ellipsoid_coupling.output.figures.all_figures import Look, draw_all
     from ellipsoid_coupling.output.figures.angles import angle_figure, draw_angles
     from ellipsoid_coupling.output.figures.at_a_glance import flow_at_a_glance, result_at_a_glance
@@ -46,6 +47,7 @@ except ModuleNotFoundError as error:
 __all__ = [
     "PAPER_COLOURS",
     "UNRESOLVED_CLOSURE",
+    "AdviceMark",
     "AxisRow",
     "DecayCurve",
     "DensityRow",
@@ -57,6 +59,7 @@ __all__ = [
     "common_maximum",
     "density_figure",
     "density_rows",
+    "draw_advice",
     "draw_all",
     "draw_angles",
     "draw_convergence",

@@ -16,7 +16,8 @@ from ellipsoid_coupling.errors import InputError, shown
 from ellipsoid_coupling.files.netcdf import Stored, read_netcdf, write_netcdf
 from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.files.writing import whole_file
-from ellipsoid_coupling.geometry import histograms
+from ellipsoid_coupling.geometry import flow_map, histograms
+from ellipsoid_coupling.geometry.boundaries import box_of_sides
 from ellipsoid_coupling.geometry.fate_codes import INSIDE, NOT_YET
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 
@@ -45,6 +46,9 @@ FROZEN = "frozen"
 FATE = "fate"
 MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE), "q": (), "rho": ()}
 
+# The attribute of samples that started at the midpoints of equal parts of a box, row by row: columns.
+SAMPLES_ACROSS = "samples_across"
+
 # The attribute that tells of further variables, those of a model from outside: a line each, "name, units,
 # long name".
 FURTHER = "further_variables"
@@ -72,6 +76,7 @@ _TEXTS = (
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
     "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
+    SAMPLES_ACROSS,
 )  # fmt: skip
 _LONGEST = 10_000
 # A code of `fate` and its meaning, in a list.
@@ -145,23 +150,39 @@ class Result:
         """The particles' probability density on cells x cells bins of the domain.
 
         Particles that have left the flow, or have not come in yet, are in no bin. Each of the others has
-        the mass 1/N, with N of them at the start.
+        the mass 1/N, with N of them at the start. Samples that started evenly spread and all still move
+        (`mckean_vlasov` without noise) tell of what lies between them, too: see `geometry.flow_map`.
 
         Returns
         -------
         (T, cells, cells) float64, axis order (time, y, x), per unit of area.
         """
-        ranges = (self.scene.domain.x, self.scene.domain.y)
         if self.layout == "particles":
-            places = zip(self.variables["x"], self.variables["y"], self._frozen(), strict=True)
             part = self.variables["x"][0].size / self._particles_at_start
-            return np.array(
-                [
-                    part * histograms.particle_density(x, y, *ranges, cells, gone)
-                    for x, y, gone in places
-                ]
-            )
+            return np.array([part * self._density_at(k, cells) for k in range(self.times.size)])
+        ranges = (self.scene.domain.x, self.scene.domain.y)
         return np.array([histograms.grid_density(d, *ranges, cells) for d in self.cell_density()])
+
+    def _density_at(self, k: int, cells: int) -> Floats:
+        """Of particles at saved time k."""
+        ranges = (self.scene.domain.x, self.scene.domain.y)
+        places = self._flow_map(k, "x", "y")
+        if places is not None:
+            box = box_of_sides(self.scene, "reflect")
+            return flow_map.mapped_density(places, ranges, cells, box)
+        x, y = self.variables["x"][k], self.variables["y"][k]
+        return histograms.particle_density(x, y, *ranges, cells, self._frozen()[k])
+
+    def _flow_map(self, k: int, *names: str) -> Floats | None:
+        """Variables at saved time k of samples that started evenly spread, (names, rows, columns).
+
+        None for particles that are counted one by one: others, and where some have left.
+        """
+        size, across = self.variables["x"][k].size, int(self.attributes.get(SAMPLES_ACROSS, 0))
+        gone = self._frozen()[k]
+        if across < 1 or size % across or (gone is not None and gone.any()):
+            return None
+        return np.array([self.variables[name][k].reshape(-1, across) for name in names])
 
     @property
     def _particles_at_start(self) -> float:
@@ -200,10 +221,12 @@ class Result:
         return density
 
     def angle_distribution(self, bins: int = 60) -> Floats:
-        """The probability density of the angle on [0, 2 pi), (T, bins), per radian."""
+        """The probability density of the angle on [0, 2 pi), (T, bins), per radian.
+
+        Evenly spread samples count as in `density`.
+        """
         if self.layout == "particles":
-            angles = zip(self.variables["angle"], self._frozen(), strict=True)
-            return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
+            return np.array([self._angles_at(k, bins) for k in range(self.times.size)])
         if self.layout == "q":
             if self.variables["density"].shape[1] == 1 and not terms_of(self.scene).angle:
                 return self._held_angles(bins)
@@ -212,6 +235,13 @@ class Result:
             return np.array([histograms.regrid_angles(m, bins) for m in mass / total])
         pairs = zip(self.variables["mean_angle"], self.variables["density"], strict=True)
         return np.array([histograms.field_angles(a, d, bins) for a, d in pairs])
+
+    def _angles_at(self, k: int, bins: int) -> Floats:
+        """Of particles at saved time k."""
+        angles = self._flow_map(k, "angle")
+        if angles is not None:
+            return flow_map.mapped_angles(angles[0], bins)
+        return histograms.particle_angles(self.variables["angle"][k], bins, self._frozen()[k])
 
     def _held_angles(self, bins: int) -> Floats:
         """The start angles' distribution, at all times: one cell holds all angles, and nothing turns."""

@@ -17,6 +17,7 @@ from ellipsoid_coupling.flow import FlowField, FlowSeries, Window, open_window, 
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
+from ellipsoid_coupling.models.even_start import flow_map_columns
 from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges, scene_rates
 from ellipsoid_coupling.models.particle_model import resting, scene_limits
@@ -24,7 +25,7 @@ from ellipsoid_coupling.models.particle_reports import particle_snapshot
 from ellipsoid_coupling.particles.at_edges import straight_at_edges
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_places
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import SAMPLES_ACROSS, Result
 from ellipsoid_coupling.scenes import Scene, terms_of
 
 Floats = NDArray[np.float64]
@@ -183,11 +184,11 @@ def _exact(scene: Scene, window: Window, side: int) -> Result:
             window.move_to(stop)
             before = stop
         snapshots.append(particle_snapshot(state, scene))
-    return _as_result(scene, snapshots)
+    return _as_result(scene, snapshots, flow_map_columns(setup, edges, side))
 
 
-def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
-    """All points as one realisation."""
+def _as_result(scene: Scene, snapshots: list[Arrays], across: int) -> Result:
+    """All points as one realisation; across : see `flow_map_columns`."""
     variables = {
         name: np.array([snapshot[name].reshape(1, -1) for snapshot in snapshots])
         for name in snapshots[0]
@@ -200,5 +201,5 @@ def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
         times=np.array(scene.times),
         variables=variables,
         coordinates={},
-        attributes={"status": "completed"},
+        attributes={"status": "completed", SAMPLES_ACROSS: float(across)},
     )

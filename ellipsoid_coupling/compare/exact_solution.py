@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compare.resolutions import has_noise
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
@@ -41,8 +42,7 @@ def has_exact_reference(scene: Scene) -> bool:
     """Whether `exact_reference` can solve the scene."""
     if scene.has_inflow:
         return False
-    noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    return scene.interaction is None and not noisy and scene.start.points is None
+    return scene.interaction is None and not has_noise(scene) and scene.start.points is None
 
 
 @kernel

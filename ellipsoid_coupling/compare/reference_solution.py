@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import Bins, bin_result, distance, sampling_error
 from ellipsoid_coupling.compare.exact_solution import exact_reference, has_exact_reference
-from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed
+from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed, has_noise
 from ellipsoid_coupling.compare.timing import Bench, Timed
 from ellipsoid_coupling.compare.yardsticks import Yardstick, find_yardstick
 from ellipsoid_coupling.errors import RunError
@@ -31,9 +31,9 @@ _MOST_SAMPLES = 1_000_000
 # harmonics), in units of the scene's own, and the work, measured on `rotation`. Every level halves the
 # second, so that the distance of the last two shows the interaction's error. At 1, 1/2 and 1/4 the L1
 # distances of the angles of `rotation` to exact pair sums are 0.008, 0.004 and 0.002 at most.
-_REFINED = ((100.0, 2.0, 1.0), (10.0, 1.0, 2.0), (1.0, 0.5, 6.0), (1.0, 0.25, 15.0))
-# 384^2 points of the exact solution are 0.003 off on the bins of `cavity_free`, 256^2 0.005.
-_EXACT_SIDE = 384
+_REFINED = ((10.0, 2.0, 1.0), (1.0, 1.0, 4.0), (0.3, 0.5, 10.0), (0.1, 0.25, 25.0))
+# The flow map of 192^2 points is 4e-5 off that of 384^2 on the bins of `cavity_free`.
+_EXACT_SIDE = 192
 _FEWEST_REALISATIONS = 8
 # The reference may take this many times longer than the runs that are measured against it.
 _REFERENCE_TIME = 6.0
@@ -75,8 +75,7 @@ def make_reference(scene: Scene, models: Sequence[str], bench: Bench) -> Referen
     InputError
         For a stored yardstick that is damaged.
     """
-    noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    group = scene.particles.number if noisy else None
+    group = scene.particles.number if has_noise(scene) else None
     spread = None
     exact = has_exact_reference(scene)
     stored = None if exact else find_yardstick(scene, bench.flow)

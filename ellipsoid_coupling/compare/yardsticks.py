@@ -102,7 +102,7 @@ def save_yardstick(path: Path, yardstick: Yardstick) -> None:
         If it cannot be written.
     """
     bins, error = yardstick.bins, yardstick.error
-    arrays = {
+    arrays: Arrays = {
         "density": bins.density.astype(np.float32),
         "angle": bins.angle.astype(np.float32),
         "density_error": error.density,

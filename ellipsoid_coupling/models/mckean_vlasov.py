@@ -19,6 +19,7 @@ further out of an open domain than two ranges of the potential no longer interac
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import ClassVar
 
@@ -123,7 +124,8 @@ class McKeanVlasov(ParticleModel):
         edges, evenly = scene_edges(setup), not is_noisy(setup)
         state = start_at_rest(setup, edges, start_points(setup), 1, evenly=evenly)
         samples = start_count(state)
-        super().__init__(name, setup, edges, state, samples)
+        # Points of a density have no neighbour to pass: all of them together bound a step.
+        super().__init__(name, setup, edges, state, math.inf if evenly else samples)
         # Of the flow map that results are points of; 0 where they are points of none.
         self._columns = flow_map_columns(setup, edges, lattice_of(setup).columns) if evenly else 0
         asked = scene_samples(setup.scene, samples)

@@ -13,7 +13,8 @@ falling by 8), and few samples with twice as exact an interaction,
 The brackets are small and smooth, so that few samples carry them. Errors are added up, each larger than
 what is left of it: the bins of X_many from every third sample of each row and column, a third of their
 distance from those of all (first order in the spacing; 1.3 was measured); the extrapolation from h and
-h/2 against that from h/2 and h/4; the effect of the last bracket.
+h/2 against that from h/2 and h/4 (third order would leave a seventh of it); the effect of the last
+bracket.
 
 With noise there are runs with seeds of their own, whose spread gives their sampling error. A step of dt
 makes variances wrong by dt^2/11 of the potential's curvature (`particles.exponential`), and a Gaussian's
@@ -38,7 +39,12 @@ from ellipsoid_coupling.compare import yardsticks
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import Bins, bin_result, distance, sampling_error
 from ellipsoid_coupling.compare.resolutions import changed
-from ellipsoid_coupling.compare.yardsticks import Yardstick, save_yardstick, yardstick_path
+from ellipsoid_coupling.compare.yardsticks import (
+    Yardstick,
+    fluid_velocity,
+    save_yardstick,
+    yardstick_path,
+)
 from ellipsoid_coupling.errors import run_in_words
 from ellipsoid_coupling.files.versions import version
 from ellipsoid_coupling.flow import FlowField
@@ -121,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> list[Path]:
             recipe = QUICK._replace(runs=RECIPES[name].runs) if options.quick else RECIPES[name]
             maker = Maker(scene, flow, report)
             found = noisy_yardstick(maker, recipe) if recipe.runs > 1 else combined(maker, recipe)
-            files.append(folder / yardstick_path(scene, flow).name)
+            files.append(folder / yardstick_path(scene).name)
             save_yardstick(files[-1], found)
             sys.stdout.write(f"{files[-1].name}: {found.origin}\n")
     return files
@@ -146,7 +152,8 @@ def combined(maker: Maker, recipe: Recipe) -> Yardstick:
     }
     error = sum_of(parts)
     numbers = f"{shape[2]} x {shape[3]} samples, {few} for the corrections"
-    return Yardstick(whole.model, whole.times, bins, error, origin_of(recipe, numbers, parts))
+    origin, fluid = origin_of(recipe, numbers, parts), fluid_velocity(maker.scene, maker.flow)
+    return Yardstick(whole.model, whole.times, bins, error, fluid, origin)
 
 
 def fields_of(result: Result) -> Floats:
@@ -194,7 +201,8 @@ def noisy_yardstick(maker: Maker, recipe: Recipe) -> Yardstick:
     }
     error = sum_of(parts)
     origin = origin_of(recipe, f"{recipe.runs} x {bins.samples} samples", parts)
-    return Yardstick(result.model, result.times, bins, error, origin)
+    fluid = fluid_velocity(maker.scene, maker.flow)
+    return Yardstick(result.model, result.times, bins, error, fluid, origin)
 
 
 def sum_of(parts: dict[str, Errors]) -> Errors:

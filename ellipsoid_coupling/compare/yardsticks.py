@@ -1,8 +1,9 @@
 """Stored yardsticks: the bins of solutions that take minutes, how far they may be off, and their origin.
 
 `workflows/yardsticks.py` makes them, one file a scene. A file belongs to a digest of all that the limit of
-infinite N depends on: the scene without its numerics and without what it is called, and the numbers of
-its flow. A scene with another digest has none, and its reference is computed.
+infinite N depends on besides the fluid: the scene without its numerics and without what it is called. It
+holds the fluid's velocity at some points, and serves for a flow that has the same there, but for what
+solvers differ by. A scene without such a file has its reference computed.
 """
 
 from __future__ import annotations
@@ -22,17 +23,23 @@ from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.limits import MOST_YARDSTICK_BYTES
 from ellipsoid_coupling.files.reading import Arrays, read_arrays
 from ellipsoid_coupling.files.writing import whole_file
-from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow import FlowField, FlowSeries
+from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.scenes import Scene
+
+Floats = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent / "stored_yardsticks"
 
 _EXPECTED = "a yardstick"
 _REMEDY = "Remove it, or make it again with workflows/yardsticks.py."
-_NUMBERS = ("density", "angle", "density_error", "angle_error", "times", "samples")
+_NUMBERS = ("density", "angle", "density_error", "angle_error", "times", "samples", "fluid")
 _TEXTS = ("model", "origin")
 # Masses are kept in single precision and sum to 1, or less where some have left.
 _ROUNDING = 1e-5
+# Points along a side of the domain where flows are compared, and how far they may differ, as a part of the
+# largest velocity. Two runs of a solver differ by 1e-11; a start that is off by 1e-6 moves bins by 1e-4.
+_POINTS, _SAME_FLUID = 16, 1e-5
 
 
 class Yardstick(NamedTuple):
@@ -42,18 +49,20 @@ class Yardstick(NamedTuple):
     times : (T,) float64
     bins : Bins; several groups where samples are random
     error : how far density and angle may be off at each saved time, L1
+    fluid : the velocity at even points of the domain, see `fluid_velocity`
     origin : one line: version, resolution, and what the error is
     """
 
     model: str
-    times: NDArray[np.float64]
+    times: Floats
     bins: Bins
     error: Errors
+    fluid: Floats
     origin: str
 
 
-def scene_digest(scene: Scene, flow: FlowField | None) -> str:
-    """What tells two limits apart: 16 hexadecimal digits.
+def scene_digest(scene: Scene) -> str:
+    """What tells two limits apart, but for the fluid: 16 hexadecimal digits.
 
     The number of particles counts where there are walls, whose ghosts are so many times weaker.
     """
@@ -66,31 +75,44 @@ def scene_digest(scene: Scene, flow: FlowField | None) -> str:
         table["flow"] = [scene.flow.drag, scene.flow.angular_drag]
     for name in ("name", "title", "numerics"):
         table.pop(name, None)
-    text = json.dumps([table, None if flow is None else flow.digest], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def yardstick_path(scene: Scene, flow: FlowField | None) -> Path:
+def yardstick_path(scene: Scene) -> Path:
     """Where a built-in scene's yardstick is, or would be."""
-    return FOLDER / f"{scene.name}-{scene_digest(scene, flow)}.npz"
+    return FOLDER / f"{scene.name}-{scene_digest(scene)}.npz"
+
+
+def fluid_velocity(scene: Scene, flow: FlowField | None) -> Floats:
+    """The velocity at 16 x 16 even points of the domain, (2, 16, 16); (2, 0, 0) without a fluid."""
+    if flow is None:
+        return np.empty((2, 0, 0))
+    fluid = flow.continued(*even_points(scene.domain.x, scene.domain.y, _POINTS, _POINTS))
+    return np.array([fluid.velocity_x, fluid.velocity_y])
 
 
 def find_yardstick(scene: Scene, flow: FlowField | None) -> Yardstick | None:
-    """The stored yardstick of a scene in a flow; None where there is none.
+    """The stored yardstick of a scene in a flow of one time; None where there is none.
 
     Raises
     ------
     InputError
         For a file of that digest that is no yardstick.
     """
-    digest = scene_digest(scene, flow)
-    path = next(iter(sorted(FOLDER.glob(f"*-{digest}.npz"))), None)
-    if path is None:
+    if isinstance(flow, FlowSeries):
         return None
-    found = load_yardstick(path)
-    if not np.array_equal(found.times, scene.times):
-        raise _wrong(path, "the scene's times", str(found.times))
-    return found
+    for path in sorted(FOLDER.glob(f"*-{scene_digest(scene)}.npz")):
+        found = load_yardstick(path)
+        if not np.array_equal(found.times, scene.times):
+            raise _wrong(path, "the scene's times", str(found.times))
+        if _is_same(found.fluid, fluid_velocity(scene, flow)):
+            return found
+    return None
+
+
+def _is_same(one: Floats, other: Floats) -> bool:
+    allowed = _SAME_FLUID * np.abs(other).max(initial=0.0)
+    return one.shape == other.shape and bool((np.abs(one - other) <= allowed).all())
 
 
 def save_yardstick(path: Path, yardstick: Yardstick) -> None:
@@ -109,6 +131,7 @@ def save_yardstick(path: Path, yardstick: Yardstick) -> None:
         "angle_error": error.angle,
         "times": yardstick.times,
         "samples": np.array(float(bins.samples)),
+        "fluid": yardstick.fluid,
         "model": np.array(yardstick.model),
         "origin": np.array(yardstick.origin),
     }
@@ -134,7 +157,7 @@ def load_yardstick(path: Path) -> Yardstick:
     numbers = {name: file[name].astype(np.float64) for name in _NUMBERS}
     bins = Bins(numbers["density"], numbers["angle"], int(numbers["samples"]))
     error = Errors(numbers["density_error"], numbers["angle_error"])
-    return Yardstick(model, numbers["times"], bins, error, origin)
+    return Yardstick(model, numbers["times"], bins, error, numbers["fluid"], origin)
 
 
 def _wrong(path: Path, expected: str, found: str) -> InputError:
@@ -159,6 +182,7 @@ def _problems(file: Arrays) -> Iterator[tuple[str, str]]:
         "angle_error": (count,),
         "times": (count,),
         "samples": (),
+        "fluid": (2, *2 * ((_POINTS,) if file["fluid"].size else (0,))),
     }
     for name, shape in shapes.items():
         if file[name].shape != shape or not 1 <= groups <= MOST_GROUPS or count < 1:

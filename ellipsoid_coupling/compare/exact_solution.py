@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.compare.resolutions import has_noise
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.errors import InputError
@@ -17,6 +18,7 @@ from ellipsoid_coupling.flow import FlowField, FlowSeries, Window, open_window, 
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.interaction.particle_forces import Drift, particle_forces
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, Arrays, Setup
+from ellipsoid_coupling.models.even_start import flow_map_columns
 from ellipsoid_coupling.models.flow_fit import require_fitting
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges, scene_rates
 from ellipsoid_coupling.models.particle_model import placed, scene_limits
@@ -24,7 +26,7 @@ from ellipsoid_coupling.models.particle_reports import particle_snapshot
 from ellipsoid_coupling.particles.at_edges import straight_at_edges
 from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
 from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_places
-from ellipsoid_coupling.result import Result
+from ellipsoid_coupling.result import SAMPLES_ACROSS, Result
 from ellipsoid_coupling.scenes import Scene, terms_of
 
 Floats = NDArray[np.float64]
@@ -40,9 +42,8 @@ def has_exact_reference(scene: Scene) -> bool:
     """Whether `exact_reference` can solve the scene."""
     if scene.has_inflow:
         return False
-    noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
     box = scene.start.points is None and scene.start.file is None
-    return scene.interaction is None and not noisy and box
+    return scene.interaction is None and not has_noise(scene) and box
 
 
 @kernel
@@ -184,11 +185,11 @@ def _exact(scene: Scene, window: Window, side: int) -> Result:
             window.move_to(stop)
             before = stop
         snapshots.append(particle_snapshot(state, scene))
-    return _as_result(scene, snapshots)
+    return _as_result(scene, snapshots, flow_map_columns(setup, edges, side))
 
 
-def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
-    """All points as one realisation."""
+def _as_result(scene: Scene, snapshots: list[Arrays], across: int) -> Result:
+    """All points as one realisation; across : see `flow_map_columns`."""
     variables = {
         name: np.array([snapshot[name].reshape(1, -1) for snapshot in snapshots])
         for name in snapshots[0]
@@ -201,5 +202,5 @@ def _as_result(scene: Scene, snapshots: list[Arrays]) -> Result:
         times=np.array(scene.times),
         variables=variables,
         coordinates={},
-        attributes={"status": "completed"},
+        attributes={"status": "completed", SAMPLES_ACROSS: float(across)},
     )

@@ -84,7 +84,7 @@ class Frontier:
 
     finest : the last result of each model and scheme; empty where they were not kept
     left_out : models that refuse the scene, and why
-    reference_spread : distance of the reference to a coarser one; None where it is exact or unknown
+    reference_spread : how far it may be off, as in `Reference`; None where it is exact or unknown
     """
 
     rows: list[FrontierRow]

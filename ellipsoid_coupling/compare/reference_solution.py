@@ -1,6 +1,6 @@
-"""The reference of errors: the exact solution, or the refined mean-field limit.
+"""The reference of errors: the exact solution, a stored yardstick, or the refined mean-field limit.
 
-`make_reference` computes it, and the refined ensemble of particles that finite N is judged by.
+`make_reference` finds or computes it, and the refined ensemble of particles that finite N is judged by.
 """
 
 from __future__ import annotations
@@ -10,26 +10,30 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import Bins, bin_result, distance, sampling_error
 from ellipsoid_coupling.compare.exact_solution import exact_reference, has_exact_reference
-from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed
+from ellipsoid_coupling.compare.resolutions import Level, Refinement, changed, has_noise
 from ellipsoid_coupling.compare.timing import Bench, Timed
+from ellipsoid_coupling.compare.yardsticks import Yardstick, find_yardstick
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.files.limits import LEAST_HARMONICS_TOLERANCE
 from ellipsoid_coupling.models import ADAPTIVE_SCHEME, ModelKind, model_kinds
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
 
+Floats = NDArray[np.float64]
+
 _MOST_SAMPLES = 1_000_000
 # Levels of the refined samples: tolerance of the steps and of the interaction (its nodes and
 # harmonics), in units of the scene's own, and the work, measured on `rotation`. Every level halves the
 # second, so that the distance of the last two shows the interaction's error. At 1, 1/2 and 1/4 the L1
 # distances of the angles of `rotation` to exact pair sums are 0.008, 0.004 and 0.002 at most.
-_REFINED = ((100.0, 2.0, 1.0), (10.0, 1.0, 2.0), (1.0, 0.5, 6.0), (1.0, 0.25, 15.0))
-# 384^2 points of the exact solution are 0.003 off on the bins of `cavity_free`, 256^2 0.005.
-_EXACT_SIDE = 384
+_REFINED = ((10.0, 2.0, 1.0), (1.0, 1.0, 4.0), (0.3, 0.5, 10.0), (0.1, 0.25, 25.0))
+# The flow map of 192^2 points is 4e-5 off that of 384^2 on the bins of `cavity_free`.
+_EXACT_SIDE = 192
 _FEWEST_REALISATIONS = 8
 # The reference may take this many times longer than the runs that are measured against it.
 _REFERENCE_TIME = 6.0
@@ -40,11 +44,13 @@ class Reference:
     """The solution that errors are measured against.
 
     name : "exact", or the name of the model that was refined
-    result, bins : the exact solution or the refined samples of the limit N to infinity
+    result, bins : the exact solution or the refined samples of the limit N to infinity; the result of a
+        stored one has no variables
     ensemble : the refined ensemble of particles; None if no such model takes part
     refined : each grid model's extrapolated bins and their uncertainty
     group_size : particles of a realisation; None where samples are not random
-    spread : distance of the refined samples to the run before them; None for exact or one run
+    spread : how far it may be off: of a stored one as it tells, else the distance of the refined samples
+        to the run before them; None for exact or one run
     """
 
     name: str
@@ -58,29 +64,32 @@ class Reference:
 
 
 def make_reference(scene: Scene, models: Sequence[str], bench: Bench) -> Reference:
-    """The exact solution where particles are independent, else samples as fine as time allows.
+    """The exact solution where particles are independent, a yardstick where one is stored, else samples.
+
+    These are as fine as time allows.
 
     Raises
     ------
     RunError
         If its first run fails.
+    InputError
+        For a stored yardstick that is damaged.
     """
-    noisy = scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
-    group = scene.particles.number if noisy else None
+    group = scene.particles.number if has_noise(scene) else None
     spread = None
     exact = has_exact_reference(scene)
-    name = "exact"
+    stored = None if exact else find_yardstick(scene, bench.flow)
     if exact:
         bench.tell(f"{scene.name}: exact reference", 0.0)
         result = exact_reference(scene, bench.flow, _EXACT_SIDE)
         bench.tell(f"{scene.name}: exact reference", 1.0)
         bins = bin_result(result)
+    elif stored is not None:
+        result, bins, spread = _without_variables(scene, stored), stored.bins, stored.error
     else:
-        sampled = sampled_kind()
-        name = sampled.name
         result, before = _refined_samples(
             scene,
-            sampled,
+            sampled_kind(),
             replace(bench, seed=bench.seed + 1, longest=_REFERENCE_TIME * bench.longest),
         )
         bins = bin_result(result, group)
@@ -90,7 +99,15 @@ def make_reference(scene: Scene, models: Sequence[str], bench: Bench) -> Referen
     ensemble = (
         _refined_ensemble(scene, of_particles, bench) if of_particles.name in models else None
     )
-    return Reference(name, result, bins, exact, ensemble, {}, group, spread)
+    return Reference(result.model, result, bins, exact, ensemble, {}, group, spread)
+
+
+def _without_variables(scene: Scene, stored: Yardstick) -> Result:
+    """A stored yardstick as a result: its bins stand beside it."""
+    attributes = {"status": "completed", "origin": stored.origin}
+    nothing: dict[str, Floats] = {}
+    times = stored.times
+    return Result(scene, stored.model, ADAPTIVE_SCHEME, "particles", times, nothing, {}, attributes)
 
 
 def _first_kind(has: Callable[[ModelKind], bool]) -> ModelKind:

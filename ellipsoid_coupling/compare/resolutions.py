@@ -4,8 +4,8 @@
     grids in (r, theta)   (n, angles) in fixed proportion, 1, 3/2, 2, 5/2, 3, 4, 6 times the coarsest
     particles             realisations R times 2, time step divided by sqrt(2) or tolerance by
                           10^(1/4): sampling and stepping errors fall alike, by some sqrt(2) a level
-    samples of a density  samples times 2, time step or tolerance from coarse to the scene's own, the
-                          interaction from a fourth to twice as exact as the scene's
+    samples of a density  samples times 2, time step or tolerance and interaction such that all three
+                          err alike; with noise more samples, whose own error is much the largest
 
 `cost` is the number of operations of a level, up to a factor that all levels of one refinement share: with
 the seconds of one level it predicts those of the next.
@@ -42,11 +42,15 @@ _TOLERANCES = tuple(1000.0 * 10.0 ** (-0.25 * k) for k in range(9))
 _SAMPLES_OF_GRID = 500_000
 # Harmonics tolerance in units of the scene's own, and its work as a power, measured from 1e-1 to 5e-3. The
 # reference's is finer than the last: a run with the reference's nodes would agree with itself.
-_HARMONICS = (4.0, 4.0, 2.0, 2.0, 1.0, 1.0, 0.5)
+_HARMONICS = (8.0, 4.0, 4.0, 2.0, 2.0, 1.0, 0.5)
 _WORK_OF_HARMONICS = -0.8
 _SAMPLES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 _SAMPLE_STEPS = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0)
-_SAMPLE_TOLERANCES = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
+_SAMPLE_TOLERANCES = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
+# With noise samples err like 1/sqrt(S), some 0.02 for 100 000 of them; steps and interaction by far less.
+_NOISY_SAMPLES = (1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0, 16.0)
+_NOISY_HARMONICS = (8.0, 8.0, 8.0, 4.0, 4.0, 4.0, 4.0)
+_NOISY_TOLERANCES = (1000.0, 1000.0, 1000.0, 300.0, 300.0, 300.0, 100.0)
 # Steps that a tolerance asks for: about its power -1/4, measured between 1e-1 and 1e-4.
 _STEPS_OF_TOLERANCE = -0.25
 
@@ -92,6 +96,11 @@ def changed(scene: Scene, values: Mapping[str, object]) -> Scene:
     return scene_from_table(table, f"scene {scene.name} with {dict(values)}")
 
 
+def has_noise(scene: Scene) -> bool:
+    """Whether particles move at random."""
+    return scene.noise is not None and (scene.noise.noise > 0 or scene.noise.angular_noise > 0)
+
+
 def make_refinement(scene: Scene, model: str, scheme: SchemeName) -> Refinement:
     """The levels of a model and scheme on a scene."""
     kind, adaptive = kind_named(model), scheme_named(scheme).adaptive
@@ -102,10 +111,13 @@ def make_refinement(scene: Scene, model: str, scheme: SchemeName) -> Refinement:
     elif kind.independent_realisations:
         levels = _particle_levels(scene, scheme, _ENSEMBLES, _TOLERANCES if adaptive else _STEPS)
     else:
-        steps = _SAMPLE_TOLERANCES if adaptive else _SAMPLE_STEPS
-        levels = _particle_levels(scene, scheme, _SAMPLES, steps)
+        noisy = has_noise(scene)
+        tolerances = _NOISY_TOLERANCES if noisy else _SAMPLE_TOLERANCES
+        steps = tolerances if adaptive else _SAMPLE_STEPS
+        levels = _particle_levels(scene, scheme, _NOISY_SAMPLES if noisy else _SAMPLES, steps)
         if scene.interaction is not None:
-            levels = _with_harmonics(levels, steps, scheme)
+            harmonics = _NOISY_HARMONICS if noisy else _HARMONICS
+            levels = _with_harmonics(levels, steps, harmonics, scheme)
     return Refinement(kind, scheme, tuple(levels))
 
 
@@ -167,11 +179,11 @@ def _particle_levels(
 
 
 def _with_harmonics(
-    levels: list[Level], steps: tuple[float, ...], scheme: SchemeName
+    levels: list[Level], steps: tuple[float, ...], harmonics: tuple[float, ...], scheme: SchemeName
 ) -> list[Level]:
     """The levels with ever finer harmonics, whose tolerance is an error like that of the steps."""
     refined = []
-    for level, step, factor in zip(levels, steps, _HARMONICS, strict=True):
+    for level, step, factor in zip(levels, steps, harmonics, strict=True):
         scene = level.scene
         own = scene.numerics.harmonics_tolerance
         samples = scene.particles.number * scene.particles.realisations

@@ -45,6 +45,8 @@ MOST_SERIES_TIMES = 10_000
 # Arrays in it: four; those of a checkpoint: some ten for every save time.
 MOST_FLOW_ARRAYS = 11
 MOST_CHECKPOINT_ARRAYS = 200_000
+# A yardstick, unpacked: 256 groups of bins at 100 times take 47 MB.
+MOST_YARDSTICK_BYTES = 100_000_000
 # Times of a solved case that are looked at to find the last one.
 MOST_TIMES = 100_000
 # The tables of a comparison: a hundred runs at a hundred times take 3 MB.

@@ -5,10 +5,12 @@
     domega = [gamma_bar (g - omega) - 1/I_c int dU/dtheta f - dV2/dtheta - (B^2/2) omega] dt + B dW
 
 f is the density of S samples, S = particles.number * realisations. Without noise they start evenly
-spread over the start box (a square number of them, as near to S as there is) or all lie at
-start.points; their paths then are quadrature points of f, and the error falls like 1/S. With noise
-they start at random and draw what realisation k, particle i of `microscopic` draws, so that the two
-can be compared path by path, in the scheme `paper` step by step; the error falls like 1/sqrt(S).
+spread over the start box (in rows and columns, as near to S as there are: `even_start`) or all lie at
+start.points; their paths then are quadrature points of f, and the error falls like 1/S. Results are
+binned by the flow map that they are points of (`geometry.flow_map`), where no patch can catch them and
+no side is periodic. With noise they start at random and draw what realisation k, particle i of
+`microscopic` draws, so that the two can be compared path by path, in the scheme `paper` step by step;
+the error falls like 1/sqrt(S).
 
 Few samples, and slender ones, interact pair by pair, many by harmonics (`sample_choice`). Walls act as
 in `microscopic`: by their ghost particles, summed exactly, and by reflection. By harmonics, samples
@@ -17,6 +19,7 @@ further out of an open domain than two ranges of the potential no longer interac
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import ClassVar
 
@@ -31,6 +34,7 @@ from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteractio
 from ellipsoid_coupling.interaction.particle_mesh.select import choose_samples, scene_samples
 from ellipsoid_coupling.models.base import Arrays, Counts, Setup
 from ellipsoid_coupling.models.bounded import start_count
+from ellipsoid_coupling.models.even_start import Lattice, flow_map_columns, sample_lattice
 from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges
 from ellipsoid_coupling.models.kind import LineStyle, ModelKind
 from ellipsoid_coupling.models.particle_model import ParticleModel, random_points, start_state
@@ -49,15 +53,15 @@ Flags = NDArray[np.uint8]
 _BLOCK = 1024
 
 
-def _blocks_of_points(scene: Scene, samples: int) -> Floats:
-    """Midpoints of side x side equal parts of the start box, row by row: (K, 2, B).
+def _blocks_of_points(scene: Scene, lattice: Lattice) -> Floats:
+    """Midpoints of rows x columns equal parts of the start box, row by row: (K, 2, B).
 
     As many rows are a block as make `_BLOCK` samples at most; two blocks at least, or a row.
     """
-    side = max(1, round(np.sqrt(samples)))
-    fitting = [rows for rows in range(1, side) if side % rows == 0 and rows * side <= _BLOCK]
-    blocks = side // max(fitting, default=1)
-    points = even_points(scene.start.x, scene.start.y, side, side).reshape(2, blocks, -1)
+    rows, columns = lattice
+    fitting = [n for n in range(1, rows) if rows % n == 0 and n * columns <= _BLOCK]
+    blocks = rows // max(fitting, default=1)
+    points = even_points(scene.start.x, scene.start.y, columns, rows).reshape(2, blocks, -1)
     return np.ascontiguousarray(points.swapaxes(0, 1))
 
 
@@ -71,7 +75,12 @@ def start_points(setup: Setup) -> Floats:
     scene, realisations = setup.scene, setup.realisations
     if is_noisy(setup):
         return random_points(scene, setup.seed, realisations)
-    return _blocks_of_points(scene, scene.particles.number * realisations)
+    return _blocks_of_points(scene, lattice_of(setup))
+
+
+def lattice_of(setup: Setup) -> Lattice:
+    """How the samples of a run without noise start."""
+    return sample_lattice(setup, setup.scene.particles.number * setup.realisations)
 
 
 def _interact(
@@ -118,7 +127,10 @@ class McKeanVlasov(ParticleModel):
         points, earlier = start_points(setup), earlier_samples(setup)
         state = start_state(setup, edges, points, 1, earlier=earlier, evenly=evenly)
         samples = start_count(state)
-        super().__init__(name, setup, edges, state, samples)
+        # Points of a density have no neighbour to pass: all of them together bound a step.
+        super().__init__(name, setup, edges, state, math.inf if evenly else samples)
+        # Of the flow map that results are points of; 0 where they are points of none.
+        self._columns = flow_map_columns(setup, edges, lattice_of(setup).columns) if evenly else 0
         asked = scene_samples(setup.scene, samples)
         self._interaction = None if asked is None else choose_samples(asked)
         self._forces = self._forces_of(setup, state.frozen, samples)
@@ -145,11 +157,15 @@ class McKeanVlasov(ParticleModel):
         return {name: values.reshape(1, -1) for name, values in super().snapshot().items()}
 
     def counts(self) -> Counts:
-        """The steps and samples; harmonics and nodes of their interaction, 0 where it is pair by pair."""
+        """The steps and samples; harmonics and nodes of their interaction, 0 where it is pair by pair.
+
+        `samples_across`: see `flow_map_columns`.
+        """
         return super().counts() | {
             "samples": float(self._state.place[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
             "nodes_per_width": self._interaction.nodes_per_width if self._interaction else 0.0,
+            "samples_across": float(self._columns),
         }
 
 

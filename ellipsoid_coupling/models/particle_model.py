@@ -72,8 +72,8 @@ class ParticleModel(ABC):
         As of `scene_edges`.
     state : ParticleState
         At the scene's start; a row of clock for each block, or one for all of them.
-    number : int
-        How many particles share the interaction's strength.
+    number : float
+        How many particles share the interaction's strength; inf for a density.
     """
 
     kinds: ClassVar[tuple[ModelKind, ...]]
@@ -84,7 +84,7 @@ class ParticleModel(ABC):
         setup: Setup,
         edges: FluidEdges | None,
         state: ParticleState,
-        number: int,
+        number: float,
     ) -> None:
         self.name = name
         self._setup = setup
@@ -237,7 +237,7 @@ class ParticleModel(ABC):
         return {}
 
 
-def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
+def scene_contact(setup: Setup, scale: Floats, number: float) -> Contact | None:
     """What bounds steps where so many particles meet; None without interaction."""
     scene, rates = setup.scene, scene_rates(setup)
     if scene.interaction is None:
@@ -261,11 +261,11 @@ def scene_contact(setup: Setup, scale: Floats, number: int) -> Contact | None:
     )
 
 
-def scene_limits(setup: Setup, edges: FluidEdges | None, number: int) -> Limits:
+def scene_limits(setup: Setup, edges: FluidEdges | None, number: float) -> Limits:
     """Step size, tolerance, contacts and periods of the steppers, and what bounds the particles.
 
     edges : as of `scene_edges`; without them a reflecting box, and a mesh that can be left
-    number : how many particles share the interaction's strength
+    number : how many particles share the interaction's strength; inf for a density
     """
     numerics = setup.scene.numerics
     scale = np.array([setup.scene.particles.length] * 2 + [1.0])[: 3 if setup.terms.angle else 2]

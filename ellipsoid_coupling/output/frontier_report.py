@@ -183,14 +183,15 @@ def warning_rows(frontier: Frontier) -> list[tuple[str, ...]]:
 
 
 def _reference_text(frontier: Frontier) -> str:
-    text = ""
+    origin = str(frontier.reference.attributes.get("origin", ""))
+    text, moved = f"Stored yardstick: {origin}\n", "it may be off by"
+    if not origin:
+        text, moved = "", "its distance to a coarser one"
     for kind in KINDS:
         own = _largest(frontier.sampling, kind)
         text += f"The reference's own sampling error, {kind}: {own:.4f}"
         if frontier.reference_spread is not None:
-            text += (
-                f"; its distance to a coarser one: {_largest(frontier.reference_spread, kind):.4f}"
-            )
+            text += f"; {moved}: {_largest(frontier.reference_spread, kind):.4f}"
         text += "\n"
     return text
 

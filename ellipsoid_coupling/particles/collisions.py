@@ -52,8 +52,10 @@ PAIR, CROWD, WALL = range(3)
 
 # The largest of sqrt(s) exp(-s/(1-s))/(1-s)^2, at s = 0.577.
 _STEEPEST = 1.0852
-# The motion is fitted to about this many particles: six unknowns need no more, and all would cost a pass.
-_FITTED = 128
+# The motion is fitted to so many particles at most: six unknowns need no more, and all would cost a pass.
+# They are told by multiples of the golden ratio: every so-manieth of samples that stand in rows and columns
+# could stand in one column, which would leave the motion across it open.
+_FITTED, _GOLDEN = 128, 0.6180339887498949
 _MOST_TRIALS = 40
 # How many ghost particles act on a particle; they stand half a length apart.
 GHOSTS_IN_REACH = 6.0
@@ -155,15 +157,21 @@ def _fitted_axes(periods: Floats | None) -> tuple[float, float]:
 
 
 @kernel
+def _fitted(number: int, total: int) -> int:
+    """The particle of that number in a fit: always the same one, whatever chance or threads do."""
+    return number if total <= _FITTED else int(total * ((number + 0.5) * _GOLDEN % 1.0))
+
+
+@kernel
 def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
     place, velocity, force, frozen, _ = cloud
     blocks, _, size = place.shape
-    # Evenly over all blocks, and always the same ones: no result may depend on chance or on threads.
-    stride = max(1, blocks * size // _FITTED)
+    total = blocks * size
     means = np.zeros(4)
     count = 0
-    for j in range(0, blocks * size, stride):
+    for number in range(min(total, _FITTED)):
+        j = _fitted(number, total)
         k, i = j // size, j % size
         if _meets(frozen, k, i):
             count += 1
@@ -174,7 +182,8 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
     # Centred first: squares of places far from the origin would cancel in the determinant.
     means /= max(count, 1)
     squares, products = np.zeros(3), np.zeros((2, 2))
-    for j in range(0, blocks * size, stride):
+    for number in range(min(total, _FITTED)):
+        j = _fitted(number, total)
         k, i = j // size, j % size
         if not _meets(frozen, k, i):
             continue

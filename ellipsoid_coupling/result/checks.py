@@ -16,6 +16,7 @@ from ellipsoid_coupling.result.layouts import (
     FATE,
     FURTHER,
     MARKS,
+    SAMPLES_ACROSS,
     VARIABLES,
     further_variables,
 )
@@ -34,7 +35,7 @@ _TEXTS = (
 _NUMBERS = (
     "seed", "steps", "rejected_steps", "mass_start", "mass_end", "mass_left", "wall_seconds",
     "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
-    "first_realisation",
+    "first_realisation", SAMPLES_ACROSS,
 )  # fmt: skip
 
 

@@ -26,6 +26,9 @@ FROZEN = "frozen"
 FATE = "fate"
 MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE), "q": (), "rho": ()}
 
+# The attribute of samples that started at the midpoints of equal parts of a box, row by row: columns.
+SAMPLES_ACROSS = "samples_across"
+
 # The attribute that tells of further variables, those of a model from outside: a line each, "name, units,
 # long name".
 FURTHER = "further_variables"

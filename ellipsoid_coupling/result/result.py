@@ -15,12 +15,13 @@ from ellipsoid_coupling.errors import InputError, shown
 from ellipsoid_coupling.files.netcdf import Stored, read_netcdf, write_netcdf
 from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.files.writing import whole_file
-from ellipsoid_coupling.geometry import histograms
+from ellipsoid_coupling.geometry import flow_map, histograms
+from ellipsoid_coupling.geometry.boundaries import box_of_sides
 from ellipsoid_coupling.geometry.fate_codes import INSIDE, NOT_YET
 from ellipsoid_coupling.geometry.orientation import order_of, phase_of
 from ellipsoid_coupling.result.checks import LONGEST_TEXT, REMEDY, check, no_result
 from ellipsoid_coupling.result.dataset import NOT_KEPT, derived, empty_cells, file_dataset
-from ellipsoid_coupling.result.layouts import DIMENSIONS, FATE, FROZEN, Layout
+from ellipsoid_coupling.result.layouts import DIMENSIONS, FATE, FROZEN, SAMPLES_ACROSS, Layout
 from ellipsoid_coupling.result.orientation import mean_wave
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 from ellipsoid_coupling.scenes.summary import Summarised, Summary
@@ -77,23 +78,39 @@ class Result(Summarised):
         """The particles' probability density on cells x cells bins of the domain.
 
         Particles that have left the flow, or have not come in yet, are in no bin. Each of the others has
-        the mass 1/N, with N of them at the start.
+        the mass 1/N, with N of them at the start. Samples that started evenly spread and all still move
+        (`mckean_vlasov` without noise) tell of what lies between them, too: see `geometry.flow_map`.
 
         Returns
         -------
         (T, cells, cells) float64, axis order (time, y, x), per unit of area.
         """
-        ranges = (self.scene.domain.x, self.scene.domain.y)
         if self.layout == "particles":
-            places = zip(self.variables["x"], self.variables["y"], self._frozen(), strict=True)
             part = self.variables["x"][0].size / self._particles_at_start
-            return np.array(
-                [
-                    part * histograms.particle_density(x, y, *ranges, cells, gone)
-                    for x, y, gone in places
-                ]
-            )
+            return np.array([part * self._density_at(k, cells) for k in range(self.times.size)])
+        ranges = (self.scene.domain.x, self.scene.domain.y)
         return np.array([histograms.grid_density(d, *ranges, cells) for d in self.cell_density()])
+
+    def _density_at(self, k: int, cells: int) -> Floats:
+        """Of particles at saved time k."""
+        ranges = (self.scene.domain.x, self.scene.domain.y)
+        places = self._flow_map(k, "x", "y")
+        if places is not None:
+            box = box_of_sides(self.scene, "reflect")
+            return flow_map.mapped_density(places, ranges, cells, box)
+        x, y = self.variables["x"][k], self.variables["y"][k]
+        return histograms.particle_density(x, y, *ranges, cells, self._frozen()[k])
+
+    def _flow_map(self, k: int, *names: str) -> Floats | None:
+        """Variables at saved time k of samples that started evenly spread, (names, rows, columns).
+
+        None for particles that are counted one by one: others, and where some have left.
+        """
+        size, across = self.variables["x"][k].size, int(self.attributes.get(SAMPLES_ACROSS, 0))
+        gone = self._frozen()[k]
+        if across < 1 or size % across or (gone is not None and gone.any()):
+            return None
+        return np.array([self.variables[name][k].reshape(-1, across) for name in names])
 
     @property
     def _particles_at_start(self) -> float:
@@ -132,10 +149,12 @@ class Result(Summarised):
         return density
 
     def angle_distribution(self, bins: int = 60) -> Floats:
-        """The probability density of the angle on [0, 2 pi), (T, bins), per radian."""
+        """The probability density of the angle on [0, 2 pi), (T, bins), per radian.
+
+        Evenly spread samples count as in `density`.
+        """
         if self.layout == "particles":
-            angles = zip(self.variables["angle"], self._frozen(), strict=True)
-            return np.array([histograms.particle_angles(a, bins, gone) for a, gone in angles])
+            return np.array([self._angles_at(k, bins) for k in range(self.times.size)])
         if self.layout == "q":
             if self.holds_all_angles:
                 held = histograms.particle_angles(self.held_angles(), bins)
@@ -145,6 +164,13 @@ class Result(Summarised):
             return np.array([histograms.regrid_angles(m, bins) for m in mass / total])
         pairs = zip(self.variables["mean_angle"], self.variables["density"], strict=True)
         return np.array([histograms.field_angles(a, d, bins) for a, d in pairs])
+
+    def _angles_at(self, k: int, bins: int) -> Floats:
+        """Of particles at saved time k."""
+        angles = self._flow_map(k, "angle")
+        if angles is not None:
+            return flow_map.mapped_angles(angles[0], bins)
+        return histograms.particle_angles(self.variables["angle"][k], bins, self._frozen()[k])
 
     @property
     def holds_all_angles(self) -> bool:

@@ -17,7 +17,7 @@ from ellipsoid_coupling.files.netcdf import Stored, read_netcdf, write_netcdf
 from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.geometry import histograms
-from ellipsoid_coupling.geometry.fate_codes import INSIDE, NOT_YET
+from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE, NOT_YET
 from ellipsoid_coupling.scenes import Scene, parse_toml, scene_from_table, terms_of
 
 if TYPE_CHECKING:
@@ -43,7 +43,9 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
 FROZEN = "frozen"
 # Likewise, of runs whose particles can end at patches or come in: codes, whole numbers.
 FATE = "fate"
-MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE), "q": (), "rho": ()}
+# And when the particle ended, NaN before.
+END_TIME = "end_time"
+MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE, END_TIME), "q": (), "rho": ()}
 
 # The attribute that tells of further variables, those of a model from outside: a line each, "name, units,
 # long name".
@@ -62,6 +64,7 @@ _DESCRIPTION: dict[str, tuple[str, str]] = {
     "mean_angle": ("rad", "mean angle of the main axis against the x axis"),
     FROZEN: ("1", "1 where the particle has left the flow's mesh and stays where it left it"),
     FATE: ("1", "what has become of the particle: the patch at which it ended, and where it stays"),
+    END_TIME: ("1", "when the particle ended at a patch; NaN as long as it has not"),
 }
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
@@ -183,6 +186,12 @@ class Result:
         """The particles that an inlet has not fed in yet, (T, R, N); None where there can be none."""
         codes = self.variables.get(FATE)
         return None if codes is None else codes == NOT_YET
+
+    @property
+    def _ended(self) -> NDArray[np.bool_]:
+        """The particles that have ended at a patch, (T, R, N)."""
+        codes = self.variables.get(FATE)
+        return np.zeros(self.variables["x"].shape, bool) if codes is None else codes >= FIRST_PATCH
 
     def _frozen(self) -> Sequence[NDArray[np.bool_] | None]:
         """`frozen` of each saved time."""
@@ -334,6 +343,8 @@ class Result:
             wrong = ~np.isfinite(array)
             if self.unborn is not None and name in self.variables:
                 wrong &= ~self.unborn
+            if name == END_TIME:
+                wrong &= self._ended
             if wrong.any():
                 raise InputError(
                     f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",

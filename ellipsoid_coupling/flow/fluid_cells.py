@@ -26,7 +26,8 @@ def fluid_cells(ends: Array, x: Array, y: Array) -> NDArray[np.bool_]:
     """
     corner, step = np.array([x[0], y[0]]), np.array([x[1] - x[0], y[1] - y[0]])
     scaled = (ends - corner) / step
-    inside = grid_in_fluid(scaled, np.arange(x.size - 1) + 0.5, np.arange(y.size - 1) + 0.5)
+    columns, rows = np.arange(0.5, x.size - 1), np.arange(0.5, y.size - 1)
+    inside = grid_in_fluid(scaled, columns, rows)
     row, column = _crossed(scaled)
     there = (row >= 0) & (row < inside.shape[0]) & (column >= 0) & (column < inside.shape[1])
     inside[row[there], column[there]] = True

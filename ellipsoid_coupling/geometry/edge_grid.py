@@ -184,10 +184,11 @@ def _may_meet(line: Floats, x: float, y: float, way: Way, rim: float) -> bool:
     dx, dy = x - line[X], y - line[Y]
     above, along = ax * dy - ay * dx, ax * dx + ay * dy
     # Who is below the edge meets it on the way back only, if the way leads above it.
-    comes = -rim - advance_along(way, -ay, ax) <= above <= rim + advance_along(way, ay, -ax)
+    if not -rim - advance_along(way, -ay, ax) <= above <= rim + advance_along(way, ay, -ax):
+        return False
     before = along + advance_along(way, ax, ay) < -rim
     behind = along - advance_along(way, -ax, -ay) > line[LENGTH] + rim
-    return comes and not before and not behind
+    return not (before or behind)
 
 
 def edge_ends(grid: EdgeGrid) -> Floats:
@@ -198,9 +199,12 @@ def edge_ends(grid: EdgeGrid) -> Floats:
 
 def cell_middles(grid: EdgeGrid) -> tuple[Floats, Floats]:
     """X (columns,) and y (rows,) of the cells' middles."""
-    x = grid.x_low + (np.arange(grid.columns) + 0.5) / grid.per_length
-    y = grid.y_low + (np.arange(grid.rows) + 0.5) / grid.per_length
-    return x, y
+    columns, rows = (
+        np.arange(grid.columns, dtype=np.float64),
+        np.arange(grid.rows, dtype=np.float64),
+    )
+    size = 1.0 / grid.per_length
+    return grid.x_low + (columns + 0.5) * size, grid.y_low + (rows + 0.5) * size
 
 
 def without_cells(grid: EdgeGrid, solid: NDArray[np.bool_]) -> EdgeGrid:

@@ -14,7 +14,7 @@ from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from tests.parcel_case import run_parcels, write_parcel_case
 
 # As foam_cases/cylinder has it: diameter 1, Re = 20.
-VISCOSITY, DEPTH = 0.05, 0.1
+VISCOSITY = 0.05
 COUNT = 300
 
 
@@ -24,7 +24,7 @@ COUNT = 300
 @pytest.mark.parametrize("drag", [20.0, 1.0])
 def test_parcels_of_openfoam_take_the_same_ways(drag: float, tmp_path: Path) -> None:
     """Both know the flow at its cells and faces only: median distance below 0.01 diameters, same fates."""
-    solved = solve_case("cylinder", 32)
+    solved = solve_case("cylinder", 16)
     starts = np.random.default_rng(7).uniform((-3.5, -1.0), (-1.5, 1.0), (COUNT, 2))
     times = [1.0, 2.0, 4.0, 8.0, 16.0]
     write_parcel_case(
@@ -45,10 +45,7 @@ def test_parcels_of_openfoam_take_the_same_ways(drag: float, tmp_path: Path) -> 
     for k, time in enumerate(times):
         other = rival[np.flatnonzero(np.isclose(written, time))[0]]
         there = ~np.isnan(other[:, 0])
-        print(time, (there == inside[k]).mean(), inside[k].sum())
         both = there & inside[k]
-        if both.any():
-            apart = np.hypot(*(other - place[k])[both].T)
-            print(np.median(apart), np.quantile(apart, [0.9, 0.99]), apart.max())
-            assert np.median(apart) < 0.01
+        assert both.sum() > COUNT / 2
+        assert np.median(np.hypot(*(other - place[k])[both].T)) < 0.01
         assert (there == inside[k]).mean() >= 0.99

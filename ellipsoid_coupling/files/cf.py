@@ -43,6 +43,9 @@ _QUANTITIES = {
     "fate": _Quantity(
         "1", "1", "what has become of the particle: the patch at which it ended, and where it stays"
     ),
+    "end_time": _Quantity(
+        "1", "s", "when the particle ended at a patch; NaN as long as it has not"
+    ),
 }
 
 

@@ -1,9 +1,6 @@
-r"""Which cells of a uniform grid hold some of the fluid, by its outline alone.
+"""Which cells of a uniform grid hold some of the fluid, by its outline alone.
 
-A cell does if its centre lies in the fluid, or if an edge of the outline runs through it:
-
-    row of centres   . . o o o o . o o .      each edge that crosses the row of centres from above to
-                        \       / \    /        below lets the fluid begin, from below to above end
+A cell does if its centre lies in the fluid, or if an edge of the outline runs through it.
 """
 
 from __future__ import annotations
@@ -11,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.inside import grid_in_fluid
 from ellipsoid_coupling.flow.polygons import Index
 
 Array = NDArray[np.float64]
@@ -28,26 +26,12 @@ def fluid_cells(ends: Array, x: Array, y: Array) -> NDArray[np.bool_]:
     """
     corner, step = np.array([x[0], y[0]]), np.array([x[1] - x[0], y[1] - y[0]])
     scaled = (ends - corner) / step
-    inside = _by_centres(scaled, y.size - 1, x.size - 1)
+    columns, rows = np.arange(0.5, x.size - 1), np.arange(0.5, y.size - 1)
+    inside = grid_in_fluid(scaled, columns, rows)
     row, column = _crossed(scaled)
     there = (row >= 0) & (row < inside.shape[0]) & (column >= 0) & (column < inside.shape[1])
     inside[row[there], column[there]] = True
     return inside
-
-
-def _by_centres(ends: Array, rows: int, columns: int) -> NDArray[np.bool_]:
-    """(rows, columns), the cells whose centres lie in the fluid; ends in units of cells."""
-    level = ends[..., 1] - 0.5
-    low, high = np.ceil(level.min(axis=1)), np.ceil(level.max(axis=1))
-    edge, row = _each(low, high - low)
-    start, way = ends[edge, 0], ends[edge, 1] - ends[edge, 0]
-    at = start[:, 0] + (row + 0.5 - start[:, 1]) / way[:, 1] * way[:, 0]
-    # The first centre on the right of the crossing.
-    column = np.clip(np.ceil(at - 0.5), 0, columns).astype(np.int64)
-    there = (row >= 0) & (row < rows)
-    turns = np.zeros((rows, columns + 1))
-    np.add.at(turns, (row[there].astype(np.int64), column[there]), -np.sign(way[there, 1]))
-    return np.cumsum(turns, axis=1)[:, :-1] > 0.5
 
 
 def _crossed(ends: Array) -> tuple[Index, Index]:

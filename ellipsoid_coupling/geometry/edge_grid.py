@@ -3,8 +3,8 @@
     +-----+-----+-----+        An edge is in the list of every cell that it touches, so that a way looks at
     |     |   / |     |        the edges of the cells that it goes through, and at no others.
     +-----+--/--+-----+
-    |    _|_/   |     |        `clearance` is a length by cell: a way that starts in the cell and is shorter
-    |  _/ |     |     |        meets no edge. Far from all edges that is all that is computed.
+    |    _|_/   |     |        `supports` bounds the edges about each cell by one line. Nearly all ways
+    |  _/ |     |     |        stay above it, which is all that is computed for them.
     +-----+-----+-----+
 
 The fluid lies on the left of the way along an edge. A thin plate is two edges in one place, and
@@ -13,30 +13,31 @@ only a way that comes from an edge's own side meets it.
 Rounding: a way ends `gap` before an edge that it meets, some tens of the last digits of a place, and edges
 count as longer by `margin` at both ends. So a place on a wall is on the right side of it by more
 than rounding, and no way slips through between two edges.
+
+`edge_sorting` makes such a grid.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Vector = tuple[float, float]
 
 # What happens to a particle that meets an edge.
 REFLECTS, SHIFTS, ENDS = range(3)
 # Columns of `lines`: where the edge starts, its direction (of length 1), its length, and where ways end.
 X, Y, ALONG_X, ALONG_Y, LENGTH, GAP = range(6)
-# Last digits of the largest coordinate that ways end before an edge.
-_GAP_DIGITS = 64.0
-# Cells on the longer side of the domain: more for many edges, so that each cell holds few.
-_FEWEST_CELLS, _MOST_CELLS, _EDGES_PER_CELL = 128, 1024, 4
+# Columns of `supports`.
+NORMAL_X, NORMAL_Y, LEVEL, REACH = range(4)
+# Cells whose edges `may_meet_edge` looks at; a way that may touch more of them is followed.
+_MOST_CELLS = 64
 
 
 class EdgeGrid(NamedTuple):
@@ -53,7 +54,11 @@ class EdgeGrid(NamedTuple):
     first, members : (cells + 1,), (n,) int64
         The edges of cell c are ``members[first[c] : first[c + 1]]``.
     clearance : (cells,) float64
-        See the module; -1 for cells in a solid, where nothing may be.
+        A length: no edge is as near as that to a place in the cell; -1 for cells in a solid, where nothing
+        may be.
+    supports : (cells, 4) float64
+        Columns NORMAL_X .. REACH: what lies within REACH of a place in the cell has no edge above the
+        line n . r = LEVEL, and n is of length 1, or 0 where LEVEL is -inf.
     x_low, y_low, per_length : float
         The lower left corner, and cells in a unit of length.
     columns, rows : int
@@ -67,6 +72,7 @@ class EdgeGrid(NamedTuple):
     first: Indices
     members: Indices
     clearance: Floats
+    supports: Floats
     x_low: float
     y_low: float
     per_length: float
@@ -75,13 +81,16 @@ class EdgeGrid(NamedTuple):
     margin: float
 
 
-class Edges(NamedTuple):
-    """Edges as they are handed to `edge_grid`; see `EdgeGrid` for the attributes."""
+class Way(NamedTuple):
+    """Bounds a way that bends: r(t) - r(0) is the sum of these vectors, each times a part.
 
-    ends: Floats
-    shifts: Floats
-    acts: Indices
-    patches: Indices
+    The parts grow from 0 to 1 on the way, each as it likes.
+    """
+
+    velocity: Vector
+    force: Vector
+    change: Vector
+    noise: Vector
 
 
 @inline_kernel
@@ -114,110 +123,72 @@ def clearance_at(edges: EdgeGrid, x: float, y: float) -> float:
     return float(edges.clearance[cell])
 
 
+@inline_kernel
+def _length(vector: Vector) -> float:
+    return abs(vector[0]) + abs(vector[1])
+
+
+@inline_kernel
+def _along(vector: Vector, nx: float, ny: float) -> float:
+    return max(0.0, nx * vector[0] + ny * vector[1])
+
+
+@inline_kernel
+def advance_along(way: Way, nx: float, ny: float) -> float:
+    """A bound of how far a way leads in a direction (nx, ny) of length 1; no number counts as 0."""
+    return (
+        _along(way.velocity, nx, ny)
+        + _along(way.force, nx, ny)
+        + _along(way.change, nx, ny)
+        + _along(way.noise, nx, ny)
+    )
+
+
+@inline_kernel
+def leaves_support(edges: EdgeGrid, x: float, y: float, way: Way) -> bool:
+    """Whether a way from a place can come to an edge, as far as its cell tells: one look-up.
+
+    Not one that is not a number.
+    """
+    cell = row_of(edges, y) * edges.columns + column_of(edges, x)
+    nx, ny = edges.supports[cell, NORMAL_X], edges.supports[cell, NORMAL_Y]
+    above = nx * x + ny * y - edges.supports[cell, LEVEL]
+    length = _length(way.velocity) + _length(way.force) + _length(way.change) + _length(way.noise)
+    # Both sides of | are computed, so that the loop over particles has no branch.
+    return (length > edges.supports[cell, REACH]) | (advance_along(way, -nx, -ny) > above)
+
+
 @kernel
-def has_edge_within(edges: EdgeGrid, x: float, y: float, way: float) -> bool:
-    """Whether a way of this length from a place can meet an edge; a bound, by the edges' lines and ends."""
-    reach = way + 4.0 * edges.margin
-    columns = column_of(edges, x - reach), column_of(edges, x + reach)
-    for row in range(row_of(edges, y - reach), row_of(edges, y + reach) + 1):
+def may_meet_edge(edges: EdgeGrid, x: float, y: float, way: Way) -> bool:
+    """Whether a way from a place can come to an edge, by all edges about it: a better bound, for few."""
+    rim = 4.0 * edges.margin
+    left, right = advance_along(way, -1.0, 0.0) + rim, advance_along(way, 1.0, 0.0) + rim
+    down, up = advance_along(way, 0.0, -1.0) + rim, advance_along(way, 0.0, 1.0) + rim
+    columns = column_of(edges, x - left), column_of(edges, x + right)
+    rows = row_of(edges, y - down), row_of(edges, y + up)
+    if (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1) > _MOST_CELLS:
+        return True
+    for row in range(rows[0], rows[1] + 1):
         for column in range(columns[0], columns[1] + 1):
             cell = row * edges.columns + column
             for member in range(edges.first[cell], edges.first[cell + 1]):
-                e = edges.members[member]
-                dx, dy = x - edges.lines[e, X], y - edges.lines[e, Y]
-                ax, ay = edges.lines[e, ALONG_X], edges.lines[e, ALONG_Y]
-                along = ax * dx + ay * dy
-                near = -reach <= along <= edges.lines[e, LENGTH] + reach
-                if near and abs(ax * dy - ay * dx) <= reach:
+                if _may_meet(edges.lines[edges.members[member]], x, y, way, rim):
                     return True
     return False
 
 
 @kernel
-def _touches(line: Floats, x: float, y: float, half: float) -> bool:
-    """Whether an edge touches the square about (x, y), in whose bounding box it is."""
-    across = abs(line[ALONG_X] * (y - line[Y]) - line[ALONG_Y] * (x - line[X]))
-    return bool(across <= half * (abs(line[ALONG_X]) + abs(line[ALONG_Y])))
-
-
-@kernel
-def _sort(edges: EdgeGrid, counts: Indices, members: Indices, fill: bool) -> None:
-    """Count the edges of each cell, or put them where `counts` says that the cell's next one goes."""
-    size = 1.0 / edges.per_length
-    # Wider than a cell by more than rounding, so that a way need not ask which side of a seam it is on.
-    half = 0.5 * size + 2.0 * edges.margin
-    for e in range(len(edges.lines)):
-        line = edges.lines[e]
-        x, y = line[X], line[Y]
-        end_x, end_y = x + line[LENGTH] * line[ALONG_X], y + line[LENGTH] * line[ALONG_Y]
-        more = 4.0 * edges.margin
-        columns = column_of(edges, min(x, end_x) - more), column_of(edges, max(x, end_x) + more)
-        rows = row_of(edges, min(y, end_y) - more), row_of(edges, max(y, end_y) + more)
-        for row in range(rows[0], rows[1] + 1):
-            for column in range(columns[0], columns[1] + 1):
-                middle_x = edges.x_low + (column + 0.5) * size
-                middle_y = edges.y_low + (row + 0.5) * size
-                if _touches(line, middle_x, middle_y, half):
-                    cell = row * edges.columns + column
-                    if fill:
-                        members[counts[cell]] = e
-                    counts[cell] += 1
-
-
-def _lines(ends: Floats, acts: Indices, gap: float) -> Floats:
-    way = ends[:, 1] - ends[:, 0]
-    length = np.hypot(way[:, 0], way[:, 1])
-    along = way / length[:, None]
-    # Periodic sides meet exactly: a place there is one of the other side to the bit.
-    gaps = np.where(acts == SHIFTS, 0.0, gap)
-    return np.ascontiguousarray(np.column_stack((ends[:, 0], along, length, gaps)))
-
-
-def edge_grid(edges: Edges, x_range: tuple[float, float], y_range: tuple[float, float]) -> EdgeGrid:
-    """Sort edges into the cells of a rectangle in which all particles are.
-
-    Parameters
-    ----------
-    edges : Edges
-        At least one of them in or at the rectangle.
-    x_range, y_range : (low, high)
-    """
-    width, height = x_range[1] - x_range[0], y_range[1] - y_range[0]
-    longer = max(width, height)
-    wanted = min(max(len(edges.ends) // _EDGES_PER_CELL, _FEWEST_CELLS), _MOST_CELLS)
-    size = longer / wanted
-    largest = max(map(abs, (*x_range, *y_range)))
-    gap = _GAP_DIGITS * float(np.finfo(np.float64).eps) * max(largest, longer)
-    columns, rows = (math.ceil(side / size) + 2 for side in (width, height))
-    nobody = np.empty(0, np.int64)
-    grid = EdgeGrid(
-        lines=_lines(edges.ends, edges.acts, gap),
-        shifts=edges.shifts,
-        acts=edges.acts,
-        patches=edges.patches,
-        first=nobody,
-        members=nobody,
-        clearance=np.zeros(columns * rows),
-        x_low=x_range[0] - size,
-        y_low=y_range[0] - size,
-        per_length=1.0 / size,
-        columns=columns,
-        rows=rows,
-        margin=2.0 * gap,
-    )
-    counts = np.zeros(columns * rows, np.int64)
-    _sort(grid, counts, nobody, False)
-    first = np.concatenate(([0], np.cumsum(counts)))
-    members = np.empty(first[-1], np.int64)
-    _sort(grid, first[:-1].copy(), members, True)
-    return grid._replace(first=first, members=members, clearance=_clearance(counts > 0, size, grid))
-
-
-def _clearance(touched: NDArray[np.bool_], size: float, grid: EdgeGrid) -> Floats:
-    """The distance of each cell to the nearest one that an edge touches, from rim to rim: a bound."""
-    apart = ndimage.distance_transform_edt(~touched.reshape(grid.rows, grid.columns))
-    clear = size * np.maximum(apart - math.sqrt(2.0), 0.0) - 4.0 * grid.margin
-    return np.ascontiguousarray(np.maximum(clear, 0.0).ravel())
+def _may_meet(line: Floats, x: float, y: float, way: Way, rim: float) -> bool:
+    """Whether a way can come to an edge from above, by its line and by its ends."""
+    ax, ay = line[ALONG_X], line[ALONG_Y]
+    dx, dy = x - line[X], y - line[Y]
+    above, along = ax * dy - ay * dx, ax * dx + ay * dy
+    # Who is below the edge meets it on the way back only, if the way leads above it.
+    if not -rim - advance_along(way, -ay, ax) <= above <= rim + advance_along(way, ay, -ax):
+        return False
+    before = along + advance_along(way, ax, ay) < -rim
+    behind = along - advance_along(way, -ax, -ay) > line[LENGTH] + rim
+    return not (before or behind)
 
 
 def edge_ends(grid: EdgeGrid) -> Floats:
@@ -227,17 +198,21 @@ def edge_ends(grid: EdgeGrid) -> Floats:
 
 
 def cell_middles(grid: EdgeGrid) -> tuple[Floats, Floats]:
-    """X and y (cells,) of the cells' middles."""
-    x = grid.x_low + (np.arange(grid.columns) + 0.5) / grid.per_length
-    y = grid.y_low + (np.arange(grid.rows) + 0.5) / grid.per_length
-    columns, rows = np.meshgrid(x, y)
-    return columns.ravel(), rows.ravel()
+    """X (columns,) and y (rows,) of the cells' middles."""
+    columns, rows = (
+        np.arange(grid.columns, dtype=np.float64),
+        np.arange(grid.rows, dtype=np.float64),
+    )
+    size = 1.0 / grid.per_length
+    return grid.x_low + (columns + 0.5) * size, grid.y_low + (rows + 0.5) * size
 
 
 def without_cells(grid: EdgeGrid, solid: NDArray[np.bool_]) -> EdgeGrid:
-    """The grid, in which cells that no edge touches and that are `solid` (cells,) may hold nothing."""
-    untouched = np.diff(grid.first) == 0
-    return grid._replace(clearance=np.where(untouched & solid, -1.0, grid.clearance))
+    """The grid, in which cells that no edge touches and that are `solid` (rows, columns) hold nothing."""
+    empty = solid.ravel() & (np.diff(grid.first) == 0)
+    supports = grid.supports.copy()
+    supports[empty, REACH] = -1.0
+    return grid._replace(clearance=np.where(empty, -1.0, grid.clearance), supports=supports)
 
 
 @kernel

@@ -5,8 +5,6 @@
     . . . # . .      |   closed face between two cells of the fluid: an edge of the outline crosses the
     . . . | . .          way between their centres, as that of a thin plate does
 
-The way along a row of centres crosses the outline's edges one after another. An edge has the fluid on
-its left; so one that points down leads into the fluid, and one that points up out of it.
 A closed face belongs to the patch of the nearest edge that faces its cell, or to the domain's side.
 """
 
@@ -17,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.inside import grid_in_fluid, row_crossings
 from ellipsoid_coupling.flow.outline import Outline
 
 Floats = NDArray[np.float64]
@@ -74,11 +73,7 @@ def fluid_cells(outline: Outline | None, x: Floats, y: Floats, cell: float) -> F
         outline = Outline(np.empty((0, 2, 2)), np.empty(0, np.int64), np.empty(0), (), ())
     turned = _turned(outline)
     rows, columns = _crossings(outline.ends, x, y, cell), _crossings(turned.ends, y, x, cell)
-    # What winds around solids alone leaves fluid all around.
-    ends = outline.ends
-    doubled_area = ends[:, 0, 0] * ends[:, 1, 1] - ends[:, 1, 0] * ends[:, 0, 1]
-    around = 1 if float(doubled_area.sum()) <= 0.0 else 0
-    inside = around + np.cumsum(rows.entering, axis=1)[:, :-1] > 0
+    inside = grid_in_fluid(outline.ends, x, y)
     along_x = _faces(outline, inside, rows, (x, y), cell)
     along_y = _faces(turned, inside.T, columns, (y, x), cell).turned
     return FluidCells(inside, along_x, along_y)
@@ -90,14 +85,13 @@ def _turned(outline: Outline) -> Outline:
 
 
 class _Crossings(NamedTuple):
-    """Edges across the lines of centres: (lines, centres + 1), between a centre and the one before it.
+    """Edges across the lines of centres.
 
-    crossing : how many edges. entering : those that lead into the fluid less those that lead out of it.
+    crossing : (lines, centres + 1), how many between a centre and the one before it.
     low, high : (lines,), whether one closes the way to the side of the domain.
     """
 
     crossing: Indices
-    entering: Indices
     low: Flags
     high: Flags
 
@@ -107,25 +101,14 @@ def _crossings(ends: Floats, along: Floats, across: Floats, cell: float) -> _Cro
 
     The first coordinate of the edges is that along the lines.
     """
-    down = ends[:, 0, 1] > ends[:, 1, 1]
-    # From the lower end up, so that both edges of a thin plate are crossed in the same place.
-    low = np.where(down[:, None], ends[:, 1], ends[:, 0])
-    high = np.where(down[:, None], ends[:, 0], ends[:, 1])
-    first, stop = np.searchsorted(across, low[:, 1]), np.searchsorted(across, high[:, 1])
-    times = stop - first
-    edge = np.repeat(np.arange(times.size), times)
-    line = np.repeat(first - np.cumsum(times) + times, times) + np.arange(edge.size)
-    part = (across[line] - low[edge, 1]) / (high[edge, 1] - low[edge, 1])
-    at = low[edge, 0] + part * (high[edge, 0] - low[edge, 0])
-    gap, shape = np.searchsorted(along, at), (across.size, along.size + 1)
-    count, entering = np.zeros((2, *shape), np.int64)
+    _, line, at, _ = row_crossings(ends, across)
+    gap, count = np.searchsorted(along, at), np.zeros((across.size, along.size + 1), np.int64)
     np.add.at(count, (line, gap), 1)
-    np.add.at(entering, (line, gap), np.where(down[edge], 1, -1))
     sides = np.zeros((2, across.size), bool)
     reach = (0.5 + _ON_SIDE) * cell
     sides[0, line[(gap == 0) & (at >= along[0] - reach)]] = True
     sides[1, line[(gap == along.size) & (at <= along[-1] + reach)]] = True
-    return _Crossings(count, entering, *sides)
+    return _Crossings(count, *sides)
 
 
 def _faces(

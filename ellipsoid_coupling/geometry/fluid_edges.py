@@ -15,19 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.inside import grid_in_fluid, in_fluid
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.geometry.edge_grid import (
     ENDS,
     REFLECTS,
     SHIFTS,
     EdgeGrid,
-    Edges,
     cell_middles,
     edge_ends,
-    edge_grid,
     without_cells,
 )
-from ellipsoid_coupling.geometry.inside import in_fluid
+from ellipsoid_coupling.geometry.edge_sorting import Edges, edge_grid
 from ellipsoid_coupling.geometry.patches import patch_parts, same_place
 from ellipsoid_coupling.scenes import Scene
 from ellipsoid_coupling.scenes.boundary import BoundaryPart
@@ -102,8 +101,18 @@ class FluidEdges:
 
 def places_inside(outline: Outline, domain: Domain, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Whether places, arrays of one shape, lie in the fluid and in the domain."""
-    within = (domain.x[0] <= x) & (x <= domain.x[1]) & (domain.y[0] <= y) & (y <= domain.y[1])
+    within = _between(x, domain.x) & _between(y, domain.y)
     return within & in_fluid(outline.ends, x.ravel(), y.ravel()).reshape(x.shape)
+
+
+def _cells_inside(outline: Outline, domain: Domain, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """(ny, nx), as `places_inside`, of the nodes x (nx,), y (ny,) of a grid."""
+    within = _between(y, domain.y)[:, None] & _between(x, domain.x)
+    return within & grid_in_fluid(outline.ends, x, y)
+
+
+def _between(values: Floats, interval: tuple[float, float]) -> NDArray[np.bool_]:
+    return np.asarray((interval[0] <= values) & (values <= interval[1]))
 
 
 def fluid_edges(scene: Scene, outline: Outline) -> FluidEdges:
@@ -120,7 +129,7 @@ def fluid_edges(scene: Scene, outline: Outline) -> FluidEdges:
     edges = Edges(*(np.concatenate(columns) for columns in zip(kept, *sides, strict=True)))
     domain = scene.domain
     grid = edge_grid(edges, domain.x, domain.y)
-    solid = ~places_inside(outline, domain, *cell_middles(grid))
+    solid = ~_cells_inside(outline, domain, *cell_middles(grid))
     return FluidEdges(
         without_cells(grid, solid),
         (*parts, *SIDES),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.diagnostics import survey_particles
-from ellipsoid_coupling.geometry.fate_codes import NOT_YET
+from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, NOT_YET
 from ellipsoid_coupling.models.base import Arrays, Health, Setup
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.particles.state import ParticleState
@@ -35,7 +35,8 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
 
     Where nothing turns, the angle is that of the start and the angular velocity 0. Where the flow's
     mesh can be left, `frozen` is 1 for those that have. Where particles can end at patches, `fate` is a
-    code of `particles.fates`; before its birth a particle has no place.
+    code of `geometry.fate_codes`, and `end_time` tells when they ended, NaN before; before its birth a
+    particle has no place.
     """
     place, velocity = state.place, state.velocity
     turns, still = place.shape[1] == 3, np.zeros(place[:, 0].shape)
@@ -58,7 +59,8 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
 def _marks(state: ParticleState) -> Arrays:
     """Which particles take no part, and why."""
     if state.fates is not None:
-        return {"fate": state.fates.code.copy()}
+        code, time = state.fates
+        return {"fate": code.copy(), "end_time": np.where(code >= FIRST_PATCH, time, np.nan)}
     return {} if state.frozen is None else {"frozen": state.frozen.astype(np.float64)}
 
 

@@ -1,7 +1,8 @@
 """Steps of particles off the edges of the fluid: which ones may meet an edge, and where they end then.
 
-All particles take the plain formula in a loop that vectorises. Those whose way may be longer than the
-clearance about them, few as a rule, are then followed along their paths (`paths.follow`).
+All particles take the plain formula, and one look-up tells nearly all that they meet no edge, in loops
+that vectorise (`edge_grid.leaves_support`). Of the few that are left the edges about them are looked at
+(`may_meet_edge`), and who may still come to one is followed along its path (`paths.follow`).
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.compiled.jit import kernel
-from ellipsoid_coupling.geometry.edge_grid import EdgeGrid, clearance_at, has_edge_within
+from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
+from ellipsoid_coupling.geometry.edge_grid import EdgeGrid, Way, leaves_support, may_meet_edge
 from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE
 from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.fates import Fates, takes_part
+from ellipsoid_coupling.particles.flags import flagged
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step, noise_of
 from ellipsoid_coupling.particles.paths import End, Path, edge_normal, follow
-from ellipsoid_coupling.particles.state import Limits, ParticleState, Rates, Trial
+from ellipsoid_coupling.particles.state import BlockStep, Limits, ParticleState
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
@@ -34,95 +36,80 @@ class Ends(NamedTuple):
     values: Floats
 
 
-@kernel
-def _size(vector: tuple[float, float]) -> float:
-    return abs(vector[0]) + abs(vector[1])
-
-
-@kernel
-def _path(
-    state: ParticleState,
-    k: int,
-    i: int,
-    noise: Floats | None,
-    rates: Rates,
-    linear: LinearStep,
-    dt: float,
-) -> Path:
-    """The path of a particle for a constant drift, with the noise of a step of dt."""
-    place, velocity, force = state.place, state.velocity, state.force
-    right, across = noise_of(noise, 0, rates, linear, i)
-    up, along = noise_of(noise, 1, rates, linear, i)
-    return Path(
-        (place[k, 0, i], place[k, 1, i]),
-        (velocity[k, 0, i], velocity[k, 1, i]),
-        (force[k, 0, i], force[k, 1, i]),
-        NOWHERE,
-        # The noise of the whole step is spread evenly over it: how it came about is not known.
-        (right / dt, up / dt),
-        (across, along),
-        rates.damping[0],
+@inline_kernel
+def _way(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Way:
+    """Bounds the way of a particle in a step in which the force becomes `later` (D, B)."""
+    velocity, force, k = step.state.velocity, step.state.force, step.k
+    by_velocity, by_force, missed = linear.place_velocity, linear.place_force, linear.place_missed
+    change_x, change_y = later[0, i] - force[k, 0, i], later[1, i] - force[k, 1, i]
+    return Way(
+        (by_velocity * velocity[k, 0, i], by_velocity * velocity[k, 1, i]),
+        (by_force * force[k, 0, i], by_force * force[k, 1, i]),
+        (missed * change_x, missed * change_y),
+        (
+            noise_of(step.noise, 0, step.rates, linear, i)[0],
+            noise_of(step.noise, 1, step.rates, linear, i)[0],
+        ),
     )
 
 
+@kernel(noalias=True)
+def _flag(
+    edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearStep, flags: Flags
+) -> None:
+    """Flag those that may come to an edge, as far as one look-up tells."""
+    place, k = step.state.place, step.k
+    for i in range(flags.size):
+        way = _way(step, later, linear, i)
+        flags[i] = leaves_support(edges, place[k, 0, i], place[k, 1, i], way)
+
+
 @kernel
-def _may_meet(
-    edges: EdgeGrid,
-    state: ParticleState,
-    k: int,
-    noise: Floats | None,
-    rates: Rates,
-    linear: LinearStep,
-    later: Floats,
-) -> Indices:
-    """The particles (m,) that may come to an edge within a step, in which the drift becomes `later`.
+def _may_meet(edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearStep) -> Indices:
+    """The particles (m,) that may come to an edge within a step, in which the force becomes `later`.
 
     Not those whose way is not a number: the steppers report these themselves.
     """
-    x, y = state.place[k, 0], state.place[k, 1]
-    u, v = state.velocity[k, 0], state.velocity[k, 1]
-    pull_x, pull_y, later_x, later_y = state.force[k, 0], state.force[k, 1], later[0], later[1]
-    which, count = np.empty(x.size, np.int64), 0
-    for i in range(x.size):
-        way = linear.place_velocity * (abs(u[i]) + abs(v[i]))
-        way += linear.place_force * (abs(pull_x[i]) + abs(pull_y[i]))
-        way += linear.place_missed * (abs(later_x[i] - pull_x[i]) + abs(later_y[i] - pull_y[i]))
-        way += abs(noise_of(noise, 0, rates, linear, i)[0])
-        way += abs(noise_of(noise, 1, rates, linear, i)[0])
-        near = way > clearance_at(edges, x[i], y[i]) and takes_part(state.frozen, k, i)
-        # The clearance is that of a cell; few of those that exceed it are as near as that to an edge.
-        if near and has_edge_within(edges, x[i], y[i], way):
-            which[count] = i
-            count += 1
+    state, k = step.state, step.k
+    flags = np.empty(state.place.shape[2], np.uint8)
+    _flag(edges, step, later, linear, flags)
+    which, count = flagged(flags), 0
+    for i in which:
+        if takes_part(state.frozen, k, i):
+            x, y = state.place[k, 0, i], state.place[k, 1, i]
+            if may_meet_edge(edges, x, y, _way(step, later, linear, i)):
+                which[count] = i
+                count += 1
     return which[:count]
 
 
 @kernel
-def predict_at_edges(
-    edges: EdgeGrid | None,
-    state: ParticleState,
-    k: int,
-    noise: Floats | None,
-    rates: Rates,
-    trial: Trial,
-    dt: float,
-) -> None:
-    """Predict anew what may come to an edge: a place in the fluid, or where it would end."""
-    if edges is not None:
-        linear = linear_step(rates.damping[0], rates.amplitude[0], dt)
-        for i in _may_meet(edges, state, k, noise, rates, linear, state.force[k]):
-            end = follow(edges, _path(state, k, i, noise, rates, linear, dt), dt)
-            trial.place[0, i], trial.place[1, i] = end.place
+def _path(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Path:
+    """The path of a particle in a step in which the force becomes `later` (D, B)."""
+    k, dt = step.k, step.dt
+    place, velocity, force = step.state.place, step.state.velocity, step.state.force
+    right, across = noise_of(step.noise, 0, step.rates, linear, i)
+    up, along = noise_of(step.noise, 1, step.rates, linear, i)
+    return Path(
+        (place[k, 0, i], place[k, 1, i]),
+        (velocity[k, 0, i], velocity[k, 1, i]),
+        (force[k, 0, i], force[k, 1, i]),
+        ((later[0, i] - force[k, 0, i]) / dt, (later[1, i] - force[k, 1, i]) / dt),
+        # The noise of the whole step is spread evenly over it: how it came about is not known.
+        (right / dt, up / dt),
+        (across, along),
+        step.rates.damping[0],
+    )
 
 
 @kernel
-def _changing(path: Path, state: ParticleState, k: int, i: int, trial: Trial, dt: float) -> Path:
-    """The path with the change of the drift that a trial has found."""
-    slope = (
-        (trial.force[0, i] - state.force[k, 0, i]) / dt,
-        (trial.force[1, i] - state.force[k, 1, i]) / dt,
-    )
-    return Path(path.place, path.velocity, path.force, slope, path.noise, path.kick, path.damping)
+def predict_at_edges(edges: EdgeGrid | None, step: BlockStep) -> None:
+    """Predict anew what may come to an edge: a place in the fluid, or where it would end."""
+    if edges is not None:
+        linear = linear_step(step.rates.damping[0], step.rates.amplitude[0], step.dt)
+        force, place = step.state.force[step.k], step.trial.place
+        for i in _may_meet(edges, step, force, linear):
+            place[0, i], place[1, i] = follow(edges, _path(step, force, linear, i), step.dt).place
 
 
 @kernel
@@ -159,25 +146,17 @@ def _kept(values: Floats, end: End) -> None:
 
 
 @kernel
-def ends_at_edges(
-    edges: EdgeGrid | None,
-    state: ParticleState,
-    k: int,
-    noise: Floats | None,
-    rates: Rates,
-    trial: Trial,
-    dt: float,
-) -> Ends | None:
-    """Where the paths lead that may come to an edge in the step that `trial` predicts."""
+def ends_at_edges(edges: EdgeGrid | None, step: BlockStep) -> Ends | None:
+    """Where the paths lead that may come to an edge in the step that its trial predicts."""
     if edges is None:
         return None
-    linear = linear_step(rates.damping[0], rates.amplitude[0], dt)
-    which = _may_meet(edges, state, k, noise, rates, linear, trial.force)
+    linear = linear_step(step.rates.damping[0], step.rates.amplitude[0], step.dt)
+    later = step.trial.force
+    which = _may_meet(edges, step, later, linear)
     values = np.empty((which.size, 6))
     for m in range(which.size):
-        path = _path(state, k, which[m], noise, rates, linear, dt)
-        path = _changing(path, state, k, which[m], trial, dt)
-        _kept(values[m], _corrected(edges, path, linear, dt))
+        path = _path(step, later, linear, which[m])
+        _kept(values[m], _corrected(edges, path, linear, step.dt))
     return Ends(which, values)
 
 
@@ -224,6 +203,21 @@ def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
         noise[k, :, :, i] = 0.0
 
 
+@inline_kernel
+def _straight(before: Floats, place: Floats, i: int) -> Way:
+    """The straight way from places (2, B) to others (D, B)."""
+    moved = place[0, i] - before[0, i], place[1, i] - before[1, i]
+    return Way(moved, NOWHERE, NOWHERE, NOWHERE)
+
+
+@kernel(noalias=True)
+def _flag_straight(edges: EdgeGrid, before: Floats, place: Floats, flags: Flags) -> None:
+    """As `_flag`."""
+    for i in range(flags.size):
+        way = _straight(before, place, i)
+        flags[i] = leaves_support(edges, before[0, i], before[1, i], way)
+
+
 @kernel
 def straight_at_edges(
     edges: EdgeGrid | None,
@@ -239,12 +233,12 @@ def straight_at_edges(
     if edges is not None and before is not None:
         t, dt = times
         place, velocity = state.place[k], state.velocity[k]
-        values = np.empty((1, 6))
-        for i in range(place.shape[1]):
-            x, y = before[0, i], before[1, i]
-            way = place[0, i] - x, place[1, i] - y
-            if takes_part(state.frozen, k, i) and _size(way) > clearance_at(edges, x, y):
-                speed = way[0] / dt, way[1] / dt
+        flags, values = np.empty(place.shape[1], np.uint8), np.empty((1, 6))
+        _flag_straight(edges, before, place, flags)
+        for i in flagged(flags):
+            way, (x, y) = _straight(before, place, i), (before[0, i], before[1, i])
+            if takes_part(state.frozen, k, i) and may_meet_edge(edges, x, y, way):
+                speed = way.velocity[0] / dt, way.velocity[1] / dt
                 # What the velocity has besides that of the way is turned round with it.
                 rest = velocity[0, i] - speed[0], velocity[1, i] - speed[1]
                 path = Path((x, y), speed, NOWHERE, NOWHERE, NOWHERE, rest, 0.0)

@@ -55,6 +55,7 @@ from ellipsoid_coupling.particles.local_error import largest_error, squared_erro
 from ellipsoid_coupling.particles.own_clock import own_clock
 from ellipsoid_coupling.particles.predict_correct import accept_step, predict_step
 from ellipsoid_coupling.particles.state import (
+    BlockStep,
     Limits,
     ParticleState,
     Rates,
@@ -101,11 +102,13 @@ def step_block(
     state, rates, limits = work.state, work.rates, work.limits
     trial = _trial_of(work.trial, k)
     if dt > 0.0:
-        accept_step(state, k, noise_rows(noise, k, step), rates, limits, trial, dt)
+        taken = BlockStep(state, k, noise_rows(noise, k, step), rates, trial, dt)
+        accept_step(taken, limits)
         note_block_forces(k, work)
         note_block_finite(k, work, state.velocity[k])
     if next_dt > 0.0:
-        predict_step(state, k, noise_rows(noise, k, step + 1), rates, limits, trial, next_dt)
+        tried = BlockStep(state, k, noise_rows(noise, k, step + 1), rates, trial, next_dt)
+        predict_step(tried, limits)
         frozen = frozen_row(state.frozen, k)
         set_block_forces(work.forces, t, trial.place, trial.force, frozen)
         if not work.interacts:

@@ -46,6 +46,8 @@ class LinearStep(NamedTuple):
 @kernel
 def phi_functions(z: float) -> tuple[float, float, float]:
     """phi1, phi2, phi3 of z >= 0, to rounding (phi_k = 1/k! - z phi_{k+1})."""
+    if z == 0.0:  # straight ways and parabolas, of which walls are asked often
+        return 1.0, 0.5, 1.0 / 6.0
     if z > _SERIES_BELOW:
         phi1 = -math.expm1(-z) / z
         phi2 = (1.0 - phi1) / z

@@ -83,6 +83,29 @@ class Trial(NamedTuple):
     force: Floats
 
 
+class BlockStep(NamedTuple):
+    """A step of block k of `state`, which leads to a trial.
+
+    Attributes
+    ----------
+    state : ParticleState
+    k : int
+    noise : (components, B) float64 or None
+        The step's normal numbers; None without noise.
+    rates : Rates
+    trial : Trial
+        Of the block.
+    dt : float
+    """
+
+    state: ParticleState
+    k: int
+    noise: Floats | None
+    rates: Rates
+    trial: Trial
+    dt: float
+
+
 class Contact(NamedTuple):
     """What bounds a step where particles may meet in it; see `particles.collisions`.
 

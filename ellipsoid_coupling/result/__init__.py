@@ -2,6 +2,7 @@
 
 from ellipsoid_coupling.result.layouts import (
     DIMENSIONS,
+    END_TIME,
     FATE,
     FROZEN,
     FURTHER,
@@ -16,6 +17,7 @@ from ellipsoid_coupling.result.result import Result
 
 __all__ = [
     "DIMENSIONS",
+    "END_TIME",
     "FATE",
     "FROZEN",
     "FURTHER",

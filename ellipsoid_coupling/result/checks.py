@@ -13,6 +13,7 @@ from ellipsoid_coupling.errors import InputError, shown
 from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.result.layouts import (
     DIMENSIONS,
+    END_TIME,
     FATE,
     FURTHER,
     MARKS,
@@ -79,6 +80,8 @@ def check(result: Result, where: str, shape: tuple[int, ...]) -> None:
         wrong = ~np.isfinite(array)
         if result.unborn is not None and name in result.variables:
             wrong &= ~result.unborn
+        if name == END_TIME:
+            wrong &= result.ended
         if wrong.any():
             raise InputError(
                 f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",

@@ -24,7 +24,9 @@ VARIABLES: dict[Layout, tuple[str, ...]] = {
 FROZEN = "frozen"
 # Likewise, of runs whose particles can end at patches or come in: codes, whole numbers.
 FATE = "fate"
-MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE), "q": (), "rho": ()}
+# And when the particle ended, NaN before.
+END_TIME = "end_time"
+MARKS: dict[Layout, tuple[str, ...]] = {"particles": (FROZEN, FATE, END_TIME), "q": (), "rho": ()}
 
 # The attribute of samples that started at the midpoints of equal parts of a box, row by row: columns.
 SAMPLES_ACROSS = "samples_across"

@@ -17,7 +17,7 @@ from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.geometry import flow_map, histograms
 from ellipsoid_coupling.geometry.boundaries import box_of_sides
-from ellipsoid_coupling.geometry.fate_codes import INSIDE, NOT_YET
+from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE, NOT_YET
 from ellipsoid_coupling.geometry.orientation import order_of, phase_of
 from ellipsoid_coupling.result.checks import LONGEST_TEXT, REMEDY, check, no_result
 from ellipsoid_coupling.result.dataset import NOT_KEPT, derived, empty_cells, file_dataset
@@ -132,6 +132,12 @@ class Result(Summarised):
         """The particles that an inlet has not fed in yet, (T, R, N); None where there can be none."""
         codes = self.variables.get(FATE)
         return None if codes is None else codes == NOT_YET
+
+    @property
+    def ended(self) -> NDArray[np.bool_]:
+        """The particles that have ended at a patch, (T, R, N)."""
+        codes = self.variables.get(FATE)
+        return np.zeros(self.variables["x"].shape, bool) if codes is None else codes >= FIRST_PATCH
 
     def _frozen(self) -> Sequence[NDArray[np.bool_] | None]:
         """`frozen` of each saved time."""

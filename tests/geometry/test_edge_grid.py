@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.inside import enclosed_area, grid_in_fluid, in_fluid, windings
 from ellipsoid_coupling.geometry.edge_grid import (
     EdgeGrid,
-    Edges,
+    Way,
     clearance_at,
     column_of,
     edge_ends,
-    edge_grid,
+    leaves_support,
+    may_meet_edge,
     off_edges,
     row_of,
 )
-from ellipsoid_coupling.geometry.inside import enclosed_area, in_fluid, windings
+from ellipsoid_coupling.geometry.edge_sorting import Edges, edge_grid
 from tests.outlined_flows import PLATE, SQUARE, channel_outline, circle, solid
 
 Floats = NDArray[np.float64]
@@ -72,6 +74,90 @@ def test_the_clearance_is_a_bound_and_not_a_bad_one(number: int) -> None:
     assert clear.max() > 0.0
 
 
+def bent_ways(place: Floats, size: float, parts: Floats) -> tuple[list[Way], Floats]:
+    """Ways of four random vectors from places (n, 2), and points on them (n, points, 2).
+
+    parts : (n, points, 4), each of which grows from 0 to 1
+    """
+    rng = np.random.default_rng(3)
+    vectors = size * rng.normal(size=(len(place), 4, 2)) * rng.integers(0, 2, (len(place), 4, 1))
+    ways = [Way(*(tuple(vector) for vector in each)) for each in vectors.tolist()]
+    return ways, place[:, None] + parts @ vectors
+
+
+def crossed(ends: Floats, points: Floats) -> NDArray[np.bool_]:
+    """(n, E), which edges the lines of points (n, points, 2) cross, from either side."""
+    start, way = points[:, :-1, None], np.diff(points, axis=1)[:, :, None]
+    along, to = ends[:, 1] - ends[:, 0], start - ends[:, 0]
+
+    def cross(a: Floats, b: Floats) -> Floats:
+        return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+    turn = cross(way, along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part, place = -cross(to, along) / turn, cross(way, to) / turn
+    met = (part >= 0.0) & (part <= 1.0) & (place >= 0.0) & (place <= 1.0)
+    return np.asarray(met.any(axis=1))
+
+
+SHAPES = {
+    "few": (random_edges(12), 0.1),
+    "many": (random_edges(60), 0.02),
+    "channel": (channel_outline(solid(SQUARE)).ends, 0.05),
+    "plate": (channel_outline(solid(PLATE)).ends, 0.01),
+    "circle": (channel_outline(solid(circle(0.2, 60, (1.1, 0.5))[::-1])).ends, 0.01),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_way_that_is_let_pass_meets_no_edge(name: str) -> None:
+    """3000 ways that bend, against all edges: those above their support cross none from either side.
+
+    Those that the second look lets pass cross none from its own side, neither bent nor straight: the
+    straight way is one of those that their vectors bound.
+    """
+    ends, size = SHAPES[name]
+    grid = grid_of(ends, (0.0, 4.0), (0.0, 1.0))
+    rng = np.random.default_rng(9)
+    place = rng.uniform((0.0, 0.0), (4.0, 1.0), (3000, 2))
+    growing = np.sort(rng.uniform(0.0, 1.0, (3000, 30, 4)), axis=1)
+    growing[:, 0], growing[:, -1] = 0.0, 1.0
+    ways, points = bent_ways(place, size, growing)
+    met = crossed(ends, points).any(axis=1)
+    flagged = np.array(
+        [leaves_support(grid, x, y, way) for (x, y), way in zip(place, ways, strict=True)]
+    )
+    assert not (met & ~flagged).any()
+    assert flagged.sum() > met.sum() > 10
+    looked = np.array(
+        [may_meet_edge(grid, x, y, way) for (x, y), way in zip(place, ways, strict=True)]
+    )
+    passed = flagged & ~looked
+    assert passed.any()
+    along, to = ends[:, 1] - ends[:, 0], place[:, None] - ends[:, 0]
+    above = along[:, 0] * to[..., 1] - along[:, 1] * to[..., 0] > 0.0
+    for line in (points, points[:, [0, -1]]):
+        assert not (crossed(ends, line) & above)[passed].any()
+
+
+@pytest.mark.parametrize("edges", [60, 2000])
+def test_few_ways_beside_a_wall_are_looked_at_twice(edges: int) -> None:
+    """Within a cell of a cylinder, half a cell along it: the support of a round wall is nearly the wall."""
+    outline = channel_outline(solid(circle(0.2, edges, (1.1, 0.5))[::-1]))
+    grid = grid_of(outline.ends, (0.0, 4.0), (0.0, 1.0))
+    rng, cell = np.random.default_rng(1), 1.0 / grid.per_length
+    turn, away = rng.uniform(0.0, 2.0 * np.pi, 2000), rng.uniform(0.0, 1.0, 2000) * cell
+    place = np.column_stack((np.cos(turn), np.sin(turn))) * (0.2 + away)[:, None] + [1.1, 0.5]
+    still = (0.0, 0.0)
+    ways = [
+        Way((-0.5 * cell * np.sin(t), 0.5 * cell * np.cos(t)), still, still, still) for t in turn
+    ]
+    flagged = [leaves_support(grid, x, y, way) for (x, y), way in zip(place, ways, strict=True)]
+    looked = [may_meet_edge(grid, x, y, way) for (x, y), way in zip(place, ways, strict=True)]
+    assert np.mean(flagged) < 0.25
+    assert np.mean(looked) < 0.05
+
+
 def test_places_beyond_the_grid_and_those_that_are_no_numbers_have_a_cell() -> None:
     grid = grid_of(random_edges(3), (0.0, 3.0), (0.0, 1.0))
     for value in (np.nan, np.inf, -np.inf, 1e300):
@@ -110,6 +196,18 @@ def test_inside_is_what_the_outline_goes_around() -> None:
     assert np.array_equal(in_fluid(alone, x, y), ~in_circle)
     assert enclosed_area(alone) == pytest.approx(-0.5 * 50 * 0.09 * np.sin(2.0 * np.pi / 50))
     assert set(windings(alone, x, y)) == {0, -1}
+
+
+def test_the_nodes_of_a_grid_are_inside_as_places_are() -> None:
+    """A channel with a square, a plate and a circle, and the circle alone: node by node."""
+    round_one = circle(0.3, 50, (2.5, 0.5))
+    outline = channel_outline(solid(SQUARE), ("plate", "wall", PLATE, True), solid(round_one[::-1]))
+    x, y = np.linspace(-0.503, 4.507, 83), np.linspace(-0.201, 1.203, 41)
+    places = np.meshgrid(x, y)
+    for ends in (outline.ends, outline.ends[outline.patch == 6]):
+        one_by_one = in_fluid(ends, *(axis.ravel() for axis in places)).reshape(41, 83)
+        assert np.array_equal(grid_in_fluid(ends, x, y), one_by_one)
+        assert 0 < one_by_one.sum() < one_by_one.size
 
 
 def test_corners_at_the_height_of_a_place_count_once() -> None:

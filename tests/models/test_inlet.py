@@ -104,6 +104,10 @@ def test_before_its_birth_a_particle_has_no_place(run: Result, tmp_path: Path) -
     loaded = Result.load(tmp_path)
     assert np.array_equal(loaded.variables["fate"], run.variables["fate"])
     assert loaded.variables["fate"].dtype == np.int32
+    ended = run.variables["fate"] > 0
+    assert ended[-1].any()
+    assert np.array_equal(~np.isnan(loaded.variables["end_time"]), ended)
+    assert np.all(run.variables["end_time"][ended] <= TIMES[-1])
     attributes = run.to_dataset()["particle_fate"].attrs
     assert attributes["flag_values"].tolist() == [-1, 0, 2, 4]
     assert attributes["flag_meanings"] == "not_yet inside remove@outlet inlet@inlet"

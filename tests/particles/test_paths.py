@@ -10,15 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
+from ellipsoid_coupling.flow.inside import in_fluid
 from ellipsoid_coupling.geometry.edge_grid import (
     ENDS,
     REFLECTS,
     SHIFTS,
     EdgeGrid,
-    Edges,
-    edge_grid,
 )
-from ellipsoid_coupling.geometry.inside import in_fluid
+from ellipsoid_coupling.geometry.edge_sorting import Edges, edge_grid
 from ellipsoid_coupling.particles.bounces import Flight, fly
 from ellipsoid_coupling.particles.paths import End, Path, Vector, follow
 from tests.outlined_flows import PLATE, SQUARE, channel_outline, circle, corners, solid

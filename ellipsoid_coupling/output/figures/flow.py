@@ -13,7 +13,7 @@ from matplotlib.quiver import Quiver
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.geometry.inside import in_fluid
+from ellipsoid_coupling.flow.inside import in_fluid
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,

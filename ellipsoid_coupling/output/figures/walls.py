@@ -9,8 +9,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.inside import enclosed_area
 from ellipsoid_coupling.flow.outline import Outline
-from ellipsoid_coupling.geometry.inside import enclosed_area
 from ellipsoid_coupling.output.figures.canvas import Extent
 from ellipsoid_coupling.output.outlines import outline_loops
 

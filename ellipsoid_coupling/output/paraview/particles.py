@@ -13,7 +13,7 @@ from ellipsoid_coupling.geometry.fate_codes import INSIDE
 from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.output.paraview.series import vectors
-from ellipsoid_coupling.result import MARKS, Result
+from ellipsoid_coupling.result import FATE, FROZEN, MARKS, Result
 
 if TYPE_CHECKING:
     import pyvista
@@ -109,7 +109,7 @@ def particle_ellipses(result: Result, realisation: int) -> Iterator[tuple[float,
     size = (result.scene.particles.length, result.scene.particles.width)
     for index, time in enumerate(result.times):
         arrays = particle_arrays(result, index, realisation)
-        for mark in MARKS["particles"]:
+        for mark in (FROZEN, FATE):
             if mark in arrays:
                 kept = arrays.pop(mark) == INSIDE
                 arrays = {name: values[kept] for name, values in arrays.items()}

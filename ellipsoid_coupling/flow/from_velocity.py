@@ -24,7 +24,8 @@ from scipy.interpolate import CubicSpline
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.field import FlowField
-from ellipsoid_coupling.flow.mesh_flow import LARGEST_MISFIT, NO_FLUX
+from ellipsoid_coupling.flow.mesh_flow import NO_FLUX
+from ellipsoid_coupling.flow.misfit import LARGEST_MISFIT
 from ellipsoid_coupling.flow.openfoam.plane import SINGLE
 from ellipsoid_coupling.flow.rectangle import constant_on
 from ellipsoid_coupling.flow.spline import WallVelocity

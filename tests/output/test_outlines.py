@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ellipsoid_coupling.geometry.inside import enclosed_area
+from ellipsoid_coupling.flow.inside import enclosed_area
 from ellipsoid_coupling.output.outlines import (
     CORNERS,
     drawn_outline,

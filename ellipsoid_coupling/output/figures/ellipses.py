@@ -79,7 +79,8 @@ def ellipse_figure(
     part = f"{chosen.size} of " if chosen.size < number else ""
     count = result.variables["x"].shape[1]
     whose = f", realisation {realisation} of {count}" if count > 1 else ""
-    came_in = number - int(result.attributes.get("particles_at_start", number))
+    started = result.attributes.get("particles_at_start")
+    came_in = 0 if started is None else number - int(started)
     inlet = f", {came_in} of them from inlets" if came_in > 0 else ""
     add_title(figure, f"{title}\n{part}{number} particles{inlet}{whose}".strip())
     add_details(figure, run_details([result]))

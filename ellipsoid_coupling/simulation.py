@@ -95,14 +95,8 @@ def _found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None)
     if path is None and part.case is not None:
         path = Path(part.case)
     named = part.name, part.cells, path
-    when = When(part.time, part.repeat, scene.times[-1])
-    return obtain_flow(
-        *named,
-        report=report,
-        allow_misfit=wanted.allow_misfit,
-        when=when,
-        divergence=part.divergence,
-    )
+    when = When(part.time, part.repeat, scene.times[-1], part.divergence)
+    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
 
 
 def _names_flow(given: FlowField | Wanted | str | Path | None) -> bool:

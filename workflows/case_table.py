@@ -3,8 +3,8 @@
     python workflows/case_table.py [CASE...] [--models NAME...] [--seconds 30]
 
 For each case: `ellipsoid new`, then a short run of each model on the new scene, by the command line as a
-user types it. The table goes to standard output, in Markdown. Without cases: those of tests/data, and the
-plane laminar tutorials of OpenFOAM, which are solved for it.
+user types it. The table goes to standard output, in Markdown. Without cases: the plane laminar tutorials of
+OpenFOAM, which are solved for it, and the cases of tests/data.
 """
 
 from __future__ import annotations
@@ -97,10 +97,15 @@ def narrow(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
     head, *others = rows
     found = [(*head[:4], ", ".join(head[4:]))]
     for cells in others:
-        verdicts = dict(zip(head[4:], cells[4:], strict=True))
-        bad = [f"{name} {what}" for name, what in verdicts.items() if what != "runs"]
-        told = "all run" if not bad else "; ".join([*bad, "the others run"])
-        found.append((*cells[:4], told if any(verdicts.values()) else ""))
+        names: dict[str, list[str]] = {}
+        for name, what in zip(head[4:], cells[4:], strict=True):
+            names.setdefault(what, []).append(name)
+        if len(names) == 1:
+            told = [f"all {what}".replace("all runs", "all run") for what in names if what]
+        else:
+            told = [f"{', '.join(some)} {what}" for what, some in names.items() if what != "runs"]
+            told += ["the others run"] * ("runs" in names)
+        found.append((*cells[:4], "; ".join(told)))
     return found
 
 
@@ -144,9 +149,9 @@ def all_models() -> list[str]:
 
 
 def known_cases(folder: Path) -> Iterator[Path]:
-    """The solved cases of tests/data, and the tutorials, which are solved in `folder`."""
-    yield from sorted(path.parent.parent for path in DATA.glob("*/system/controlDict"))
+    """The tutorials, which are solved in `folder`, and the solved cases of tests/data."""
     yield from solve_all(folder)
+    yield from sorted(path.parent.parent for path in DATA.glob("*/system/controlDict"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

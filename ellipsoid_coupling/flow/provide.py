@@ -74,14 +74,8 @@ def found_flow(scene: Scene, part: Flow, wanted: Wanted, report: Report | None =
     if path is None and part.case is not None:
         path = Path(part.case)
     named = part.name, part.cells, path
-    when = When(part.time, part.repeat, scene.times[-1])
-    return obtain_flow(
-        *named,
-        report=report,
-        allow_misfit=wanted.allow_misfit,
-        when=when,
-        divergence=part.divergence,
-    )
+    when = When(part.time, part.repeat, scene.times[-1], part.divergence)
+    return obtain_flow(*named, report=report, allow_misfit=wanted.allow_misfit, when=when)
 
 
 def names_flow(given: FlowField | Wanted | str | Path | None) -> bool:
@@ -98,7 +92,6 @@ def obtain_flow(
     *,
     allow_misfit: bool = False,
     when: When = LATEST,
-    divergence: bool = False,
 ) -> FlowField:
     """The flow of a case; `origin` says in one line which of the four sources it came from.
 
@@ -109,18 +102,17 @@ def obtain_flow(
     path : a solved case folder, a foamToVTK folder or a saved .npz, which then is the flow
     report : called with stage and fraction while OpenFOAM runs, or many times are read
     allow_misfit : take a field that is far off the solver's U, see `reader.read_case`
-    when : which times of the case; a saved .npz has its own
-    divergence : keep the flow's sources, see `flow_at`
+    when : what of the case: its times, and whether its sources; a saved .npz has its own
 
     Raises InputError for a path or case that does not fit, and where OpenFOAM is missing and no
     field is shipped for the case; RunError if the run fails.
     """
-    read = partial(_at_times, allow_misfit=allow_misfit, divergence=divergence)
+    latest = partial(flow_at, allow_misfit=allow_misfit, divergence=when.divergence)
+    read = partial(_at_times, when=when, allow_misfit=allow_misfit, report=report)
     if path is not None:
         if when.is_latest or path.suffix == ".npz":
-            found = flow_at(path, allow_misfit=allow_misfit, divergence=divergence)
-            return _from("given", found)
-        return _from("given", read(path, when, report=report))
+            return _from("given", latest(path))
+        return _from("given", read(path))
     if openfoam_available():
         solved, source = solved_folder(case, cells), "cache"
         if not is_solved(solved):
@@ -128,9 +120,8 @@ def obtain_flow(
             solved = solve_case(case, cells, min(processes, os.cpu_count() or 1), report=report)
             source = "new icoFoam run"
         if when.is_latest:
-            found = flow_at(solved, allow_misfit=allow_misfit, divergence=divergence)
-            return _from(source, found)
-        return _from(source, read(solved, when, report=report))
+            return _from(source, latest(solved))
+        return _from(source, read(solved))
     if not when.is_latest:
         raise InputError(
             "flow.time", "OpenFOAM, or a solved case (flow.case or --flow)",
@@ -174,12 +165,10 @@ def find_flow(case: str, cells: int, digest: str) -> FlowField | None:
     return None
 
 
-def _at_times(
-    case: Path, when: When, *, allow_misfit: bool, divergence: bool, report: Report | None
-) -> FlowField:
+def _at_times(case: Path, when: When, allow_misfit: bool, report: Report | None) -> FlowField:
     from ellipsoid_coupling.flow.openfoam.case_series import read_times
 
-    return read_times(case, when, allow_misfit=allow_misfit, divergence=divergence, report=report)
+    return read_times(case, when, allow_misfit=allow_misfit, report=report)
 
 
 def flow_at(path: Path, *, allow_misfit: bool = False, divergence: bool = False) -> FlowField:

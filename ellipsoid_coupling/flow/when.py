@@ -24,11 +24,14 @@ class When(NamedTuple):
         The last time is the first one, one period later.
     until : float
         The scene's last time.
+    divergence : bool
+        Sources are kept, where phi does not close.
     """
 
     time: str | float | tuple[float, float] = "latest"
     repeat: bool = False
     until: float = 0.0
+    divergence: bool = False
 
     @property
     def is_latest(self) -> bool:

@@ -219,7 +219,7 @@ def test_sources_that_grow_in_time(tmp_path: Path) -> None:
         write_case(case, grid, plane_source(strength * STRENGTH, 2.0))
         if time > 1:
             (case / "1").rename(case / str(time))
-    flow = read_times(case, When("all", until=2.0), divergence=True)
+    flow = read_times(case, When("all", until=2.0, divergence=True))
     assert isinstance(flow, FlowSeries)
     assert flow.has_sources
     x, y = np.array([1.5, 0.0]), np.array([0.0, -2.0])

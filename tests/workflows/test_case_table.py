@@ -39,10 +39,13 @@ def test_models_that_do_not_run_are_named() -> None:
     rows = [
         ("case", "read", "slip", "rms", "a", "b"), ("x", "yes", "0", "1 %", "runs", "runs"),
         ("y", "yes", "0", "1 %", "runs", "fails: why"), ("z", "refused: so", "", "", "", ""),
+        ("w", "yes", "0", "1 %", "fails: why", "fails: why"),
     ]  # fmt: skip
     found = workflow("case_table").narrow(rows)
     assert found[0] == ("case", "read", "slip", "rms", "a, b")
-    assert [row[-1] for row in found[1:]] == ["all run", "b fails: why; the others run", ""]
+    assert [row[-1] for row in found[1:]] == [
+        "all run", "b fails: why; the others run", "", "all fails: why",
+    ]  # fmt: skip
 
 
 def test_a_tutorial_is_copied_ready_to_be_solved(tmp_path: Path) -> None:

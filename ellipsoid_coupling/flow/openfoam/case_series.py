@@ -34,7 +34,6 @@ def read_times(
     when: When,
     *,
     allow_misfit: bool = False,
-    divergence: bool = False,
     report: Report | None = None,
 ) -> FlowField:
     """The flow of a solved case at other times than its last one; a decomposed case is put together.
@@ -44,10 +43,9 @@ def read_times(
     path : Path
         As of `reader.read_case`; a time's folder only without other times.
     when : When
+        Sources are kept at all times, if there are any at one of them.
     allow_misfit : bool
         As of `reader.read_case`; and take a flow that repeats although it is another one after a period.
-    divergence : bool
-        Keep the flow's sources, at all times if there are any at one of them.
     report : callable, optional
         Called with the stage and its finished part.
 
@@ -74,7 +72,7 @@ def read_times(
     if isinstance(when.time, int | float):
         own = any(float(name) == when.time for name in solved_times(case))
         there = case if own else times_folder(case)
-        kept = Divergence.WHERE_OPEN if divergence else Divergence.NONE
+        kept = Divergence.WHERE_OPEN if when.divergence else Divergence.NONE
         name = time_named(there, when.time)
         return kept_field(there / name, allow_misfit=allow_misfit, divergence=kept)
     interval = None if isinstance(when.time, str) else when.time
@@ -91,7 +89,7 @@ def read_times(
     require_covered(str(case), covers, when.until)
     note = series.note + ("" if there == case else ", in parts")
     head = f"OpenFOAM case {readable(case.resolve().name)}, {note}"
-    return _read_series(_Reading(there, series, divergence, report), head, when, allow_misfit)
+    return _read_series(_Reading(there, series, when.divergence, report), head, when, allow_misfit)
 
 
 def _start_of(case: Path, there: Path) -> str | None:

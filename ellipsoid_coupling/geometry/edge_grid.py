@@ -155,8 +155,8 @@ def leaves_support(edges: EdgeGrid, x: float, y: float, way: Way) -> bool:
     above = nx * x + ny * y - edges.supports[cell, LEVEL]
     length = _length(way.velocity) + _length(way.force) + _length(way.change) + _length(way.noise)
     # Both sides of | are computed, so that the loop over particles has no branch.
-    crossed: bool = (length > edges.supports[cell, REACH]) | (advance_along(way, -nx, -ny) > above)
-    return crossed
+    leaves: bool = (length > edges.supports[cell, REACH]) | (advance_along(way, -nx, -ny) > above)
+    return leaves
 
 
 @kernel

@@ -42,9 +42,9 @@ Indices = NDArray[np.int64]
 
 # Last digits of the largest coordinate that ways end before an edge.
 _GAP_DIGITS = 64.0
-# Cells on the longer side of a square domain: more for many edges, so that each cell holds few, and more
-# on that of a long domain, so that there are some across it.
-_FEWEST_CELLS, _MOST_CELLS, _EDGES_PER_CELL = 128, 1024, 4
+# Cells on the longer side of the domain: more for many edges, so that each cell holds few, and more for a
+# long domain, so that there are some across it.
+_FEWEST_CELLS, _MOST_CELLS, _EDGES_PER_CELL, _CELLS_ACROSS = 128, 1024, 4, 16
 # Rings of cells that a supporting line may bound the edges of, and how far, in cells, they may come above
 # the nearest one. Eight cells are the longest steps that are any use; a quarter of one loses few particles.
 _MOST_RINGS, _SLACK = 8, 0.25
@@ -101,7 +101,7 @@ def edge_grid(edges: Edges, x_range: tuple[float, float], y_range: tuple[float, 
 def _cells_wanted(edges: int, width: float, height: float) -> float:
     """Cells on the longer side."""
     longer, shorter = max(width, height), min(width, height)
-    wanted = max(_FEWEST_CELLS * math.sqrt(longer / shorter), edges / _EDGES_PER_CELL)
+    wanted = max(_FEWEST_CELLS, edges // _EDGES_PER_CELL, _CELLS_ACROSS * longer / shorter)
     return math.ceil(min(wanted, _MOST_CELLS))
 
 

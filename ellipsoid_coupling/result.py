@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -99,22 +98,6 @@ def _flags(meanings: str) -> dict[str, Any]:
         "flag_values": np.array([int(code) for code, _ in pairs], np.int32),
         "flag_meanings": " ".join(word for _, word in pairs),
     }
-
-
-def _no_result(path: Path) -> InputError:
-    """What a path without a result is instead, where its files tell."""
-    found, remedy = "none", "Check the path."
-    if is_folder(path):
-        found, remedy = "a folder without one", "Name the folder that a run has printed last."
-    if exists(path / "run.toml"):
-        found = "a run that has not ended: it was killed, or is running"
-        named = shlex.quote(str(path)), shlex.quote(str(path / "run.toml"))
-        remedy = f"`ellipsoid run {named[1]} --resume --out {named[0]}` continues it."
-    elif exists(path / "errors.csv"):
-        found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
-    elif exists(path / "sweep.toml"):
-        found, remedy = "the folder of a sweep", "Name the folders of its points."
-    return InputError(str(path), "a finished run: its folder, or its result.nc", found, remedy)
 
 
 @dataclass(frozen=True)
@@ -298,7 +281,7 @@ class Result:
         file = Path(path)
         file = file / "result.nc" if is_folder(file) else file
         if not exists(file):
-            raise _no_result(Path(path))
+            raise InputError(str(path), "a run folder or a result.nc", "none", "Check the path.")
         stored, where = read_netcdf(file), str(file)
         layout = next((k for k, dims in DIMENSIONS.items() if {*dims} == {*stored.sizes}), None)
         toml = stored.attributes.get("scene_toml")

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError, shown
-from ellipsoid_coupling.files.reading import exists, is_folder
 from ellipsoid_coupling.result.layouts import (
     DIMENSIONS,
     END_TIME,
@@ -38,22 +35,6 @@ _NUMBERS = (
     "compile_seconds", "particles_outside_flow", "particles_at_start", "mass_came_in",
     "first_realisation", SAMPLES_ACROSS,
 )  # fmt: skip
-
-
-def no_result(path: Path) -> InputError:
-    """What a path without a result is instead, where its files tell."""
-    found, remedy = "none", "Check the path."
-    if is_folder(path):
-        found, remedy = "a folder without one", "Name the folder that a run has printed last."
-    if exists(path / "run.toml"):
-        found = "a run that has not ended: it was killed, or is running"
-        named = shlex.quote(str(path)), shlex.quote(str(path / "run.toml"))
-        remedy = f"`ellipsoid run {named[1]} --resume --out {named[0]}` continues it."
-    elif exists(path / "errors.csv"):
-        found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
-    elif exists(path / "sweep.toml"):
-        found, remedy = "the folder of a sweep", "Name the folders of its points."
-    return InputError(str(path), "a finished run: its folder, or its result.nc", found, remedy)
 
 
 def check(result: Result, where: str, shape: tuple[int, ...]) -> None:

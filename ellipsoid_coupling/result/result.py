@@ -19,7 +19,7 @@ from ellipsoid_coupling.geometry import flow_map, histograms
 from ellipsoid_coupling.geometry.boundaries import box_of_sides
 from ellipsoid_coupling.geometry.fate_codes import FIRST_PATCH, INSIDE, NOT_YET
 from ellipsoid_coupling.geometry.orientation import order_of, phase_of
-from ellipsoid_coupling.result.checks import LONGEST_TEXT, REMEDY, check, no_result
+from ellipsoid_coupling.result.checks import LONGEST_TEXT, REMEDY, check
 from ellipsoid_coupling.result.dataset import NOT_KEPT, derived, empty_cells, file_dataset
 from ellipsoid_coupling.result.layouts import DIMENSIONS, FATE, FROZEN, SAMPLES_ACROSS, Layout
 from ellipsoid_coupling.result.orientation import mean_wave
@@ -303,7 +303,7 @@ class Result(Summarised):
         file = Path(path)
         file = file / "result.nc" if is_folder(file) else file
         if not exists(file):
-            raise no_result(Path(path))
+            raise InputError(str(path), "a run folder or a result.nc", "none", "Check the path.")
         stored, where = read_netcdf(file), str(file)
         layout = next((k for k, dims in DIMENSIONS.items() if {*dims} == {*stored.sizes}), None)
         toml = stored.attributes.get("scene_toml")

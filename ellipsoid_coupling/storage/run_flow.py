@@ -6,6 +6,7 @@ A run folder keeps the flow that the run used. `figures`, `export`, `compare RUN
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from ellipsoid_coupling.flow import FlowField, closed_form_flow, find_flow, flow
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, load_run_part, load_scene
 from ellipsoid_coupling.scenes.scene import Domain, Flow
-from ellipsoid_coupling.storage.run_folder import FLOW_FILE, RUN_FILE
+from ellipsoid_coupling.storage.run_folder import FLOW_FILE, RESULT_FILE, RUN_FILE
 
 # The digest of a run without a flow, and of a folder without a digest.
 _NONE = "none"
@@ -33,6 +34,8 @@ def load_runs(
     InputError
         As `Result.load` and `run_flow`.
     """
+    for path in runs:
+        _require_result(Path(path))
     results = [Result.load(path) for path in runs]
     digests = [str(result.attributes.get("flow_digest", _NONE)) for result in results]
     other = None if given is None else flow_at(given, allow_misfit=True)
@@ -41,6 +44,24 @@ def load_runs(
         for path, result, digest in zip(runs, results, digests, strict=True)
     ]
     return results, flows
+
+
+def _require_result(path: Path) -> None:
+    """Refuse a path without a result; what is there instead, its files tell."""
+    if exists(path / RESULT_FILE if is_folder(path) else path):
+        return
+    found, remedy = "none", "Check the path."
+    if is_folder(path):
+        found, remedy = "a folder without one", "Name the folder that a run has printed last."
+    if exists(path / RUN_FILE):
+        named = shlex.quote(str(path)), shlex.quote(str(path / RUN_FILE))
+        found = "a run that has not ended: it was killed, or is running"
+        remedy = f"`ellipsoid run {named[1]} --resume --out {named[0]}` continues it."
+    elif exists(path / "errors.csv"):
+        found, remedy = "the folder of a comparison", "Only `ellipsoid report` takes one."
+    elif exists(path / "sweep.toml"):
+        found, remedy = "the folder of a sweep", "Name the folders of its points."
+    raise InputError(str(path), "a finished run: its folder, or its result.nc", found, remedy)
 
 
 def repeated_flow(name: str, scene: Scene) -> FlowField | None:

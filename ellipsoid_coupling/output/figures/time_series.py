@@ -52,9 +52,9 @@ def series_figure(results: Sequence[Result], title: str = "") -> Figure:
             axes[names.index(name)].plot(one.times, values, **options)
     for panel, name in zip(axes, names, strict=False):
         panel.set(xlabel="t", title=name)
-        low, high = panel.get_ylim()
-        # From 0 on, so that a change of a part in a thousand does not look like all of it.
-        panel.set_ylim(min(low, 0.0), max(1.08 * high, 1e-12))
+        # From 0 on, so that a change of a part in a thousand does not look like all of it; none of
+        # these numbers is negative.
+        panel.set_ylim(0.0, 1.08 * panel.get_ylim()[1])
         panel.set_xlim(left=0.0)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, handlelength=3.5)

@@ -25,7 +25,8 @@ def test_every_number_has_a_panel_and_every_result_a_line(
         lines = axes.get_lines()
         assert len(lines) == 3
         np.testing.assert_array_equal(lines[1].get_ydata(), values)
-        assert axes.get_ylim()[0] <= 0.0
+        assert axes.get_ylim()[0] == 0.0
+        assert axes.get_ylim()[1] > np.nanmax(values)
         # The two runs of one model differ by their markers.
         assert lines[1].get_markerfacecolor() != lines[2].get_markerfacecolor()
     assert len(figure.legends[0].get_texts()) == 3

@@ -79,7 +79,7 @@ def ellipse_figure(
     part = f"{chosen.size} of " if chosen.size < number else ""
     count = result.variables["x"].shape[1]
     whose = f", realisation {realisation} of {count}" if count > 1 else ""
-    came_in = number - int(result.attributes.get("particles_at_start", number))
+    came_in = number - int(result.attributes.get("particles_at_start") or number)
     inlet = f", {came_in} of them from inlets" if came_in > 0 else ""
     add_title(figure, f"{title}\n{part}{number} particles{inlet}{whose}".strip())
     add_details(figure, run_details([result]))

@@ -6,7 +6,8 @@ Ellipses have neither head nor tail: theta and theta + pi are one axis. How para
 S = \|<exp(2 i theta)>\|, 1 where all are and 0 where none is preferred; half the argument of that mean
 is the mean axis. Both are there for every model, over the domain and over time.
 
-In the rotating flow ellipses push each other as they come near, and their order is lost.
+In the rotating flow 200 ellipses push each other as they come near, and their order is lost. The
+rho-equation has infinitely many of them, and one angle a cell: it keeps most of the order.
 """
 
 from pathlib import Path

@@ -5,8 +5,9 @@ A sweep
 Many runs of one scene over lists of values come back as one data set, which xarray cuts and averages.
 On the command line it is ``ellipsoid sweep SCENE --set key=a,b,c --seeds 0:4``.
 
-Here: how far particles lag behind the fluid of a rigid rotation, against their drag. Inertia throws
-them outwards, the more the weaker the drag.
+Here: how fast particles are in the fluid of a rigid rotation, against their drag. At a weak drag they
+have not come up to its speed yet; at a moderate one inertia has thrown them outwards, where it is
+faster.
 """
 
 import tempfile

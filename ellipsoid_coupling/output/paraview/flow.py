@@ -15,10 +15,11 @@ from ellipsoid_coupling.flow import FlowField, FlowSample
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.stream_values import psi_coefficients
 from ellipsoid_coupling.geometry.even_points import even_points
+from ellipsoid_coupling.geometry.inside import in_fluid
 from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
-from ellipsoid_coupling.output.paraview.fields import cell_image
+from ellipsoid_coupling.output.paraview.fields import HIDDEN_CELL, cell_image
 from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
 from ellipsoid_coupling.output.paraview.series import save_mesh, save_series, vectors
 from ellipsoid_coupling.physics.bspline import spline_weights
@@ -167,7 +168,10 @@ def start_lattice(scene: Scene) -> tuple[Floats, Floats]:
 
 
 def flow_nodes(flow: FlowField, scene: Scene) -> pyvista.ImageData:
-    """Velocity, stream function and `inside` as point data on the nodes, see `export_flow`."""
+    """Velocity, stream function and `inside` as point data on the nodes, see `export_flow`.
+
+    Cells between nodes that lie in solids are hidden: ParaView draws nothing there.
+    """
     import pyvista
 
     x, y = node_axes(flow, scene)
@@ -179,6 +183,12 @@ def flow_nodes(flow: FlowField, scene: Scene) -> pyvista.ImageData:
     for name, values in _flow_arrays(flow.evaluate(*np.meshgrid(x, y))).items():
         image.point_data[name] = values
     image.point_data["stream_function"] = stream_function(flow, x, y).ravel()
+    if flow.outline is not None:
+        # Of cells, not nodes: those lie on the walls as well.
+        centres = np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
+        fluid = in_fluid(flow.outline.ends, centres[0].ravel(), centres[1].ravel())
+        if not fluid.all():
+            image.cell_data["vtkGhostType"] = np.where(fluid, 0, HIDDEN_CELL).astype(np.uint8)
     return image
 
 

@@ -58,6 +58,8 @@ def show(
 
     view = simple.GetActiveViewOrCreate("RenderView")
     display = simple.Show(source, view)
+    # Plane images are shown as slices otherwise, which have one place for all layers.
+    display.Representation = "Surface"
     display.Position = [0.0, 0.0, layer * LINE]
     for name, value in (look or {}).items():
         setattr(display, name, value)

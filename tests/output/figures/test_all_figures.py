@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from matplotlib import rc_context
 
+from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.figures import draw_all
 from ellipsoid_coupling.result import Result
 
 from ..conftest import small_scene
+
+FIGURES = "ellipsoid_coupling.output.figures.all_figures"
 
 
 def test_draws_what_applies(
@@ -76,3 +79,35 @@ def test_titles_are_drawn_as_they_stand(
     results = [replace(particle_result, scene=scene, attributes=told)] * 2
     with rc_context({"text.usetex": True, "font.family": ["no such font"]}):
         assert draw_all(results, tmp_path, lid_flow)
+
+
+@pytest.mark.parametrize(
+    ("options", "look"),
+    [
+        ([], ("figure", "viridis")),
+        (["--own-scales"], ("time", "viridis")),
+        (["--paper-colours"], ("figure", "jet")),
+    ],
+)
+def test_the_command_takes_scales_and_colours(
+    rho_result: Result,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    options: list[str],
+    look: tuple[str, str],
+) -> None:
+    scene = rho_result.scene.model_copy(update={"flow": None})
+    replace(rho_result, scene=scene).save(tmp_path / "run" / "result.nc")
+    seen: list[object] = []
+
+    def note(rows: object, path: Path, *, scale: str, title: str, colours: str) -> Path:
+        del rows, title
+        seen.append((scale, colours))
+        return path
+
+    monkeypatch.setattr(f"{FIGURES}.draw_density", note)
+    out = ["--out", str(tmp_path / "pictures")]
+    with pytest.raises(SystemExit) as ended:
+        main(["figures", str(tmp_path / "run"), *out, *options])
+    assert ended.value.code == 0
+    assert seen == [look]

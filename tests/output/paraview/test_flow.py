@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pyvista
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.analytic import analytic_flow
+from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.output.paraview import export_flow
+from ellipsoid_coupling.output.paraview.fields import HIDDEN_CELL
 from ellipsoid_coupling.output.paraview.flow import start_lattice, stream_function
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene, load_scene
@@ -95,6 +98,20 @@ def test_unbounded_flow_is_shown_on_the_scenes_cells(name: str, tmp_path: Path) 
     psi = -x * y if name == "top_bottom" else 0.5 * (x**2 + y**2)
     # A quadratic is exact but for rounding at the size of the spline's one cell, 16.
     np.testing.assert_allclose(mesh.point_data["stream_function"], psi, atol=1e-12)
+
+
+def test_cells_in_solids_are_hidden(lid_flow: FlowField, scene: Scene, tmp_path: Path) -> None:
+    """Those of a square in the box, whose own walls hide none; without a solid nothing is marked."""
+    box = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.75], [0.0, 0.75]])
+    square = np.array([[0.25, 0.25], [0.25, 0.5], [0.5, 0.5], [0.5, 0.25]])
+    walls = ("walls", "wall", box, True)
+    outline = polygon_outline([walls, ("solid", "wall", square, True)])
+    mesh = read(export_flow(replace(lid_flow, outline=outline), scene, tmp_path)[0])
+    expected = np.zeros((12, 16))
+    expected[4:8, 4:8] = HIDDEN_CELL
+    np.testing.assert_array_equal(mesh.cell_data["vtkGhostType"], expected.ravel())
+    empty = replace(lid_flow, outline=polygon_outline([walls]))
+    assert "vtkGhostType" not in read(export_flow(empty, scene, tmp_path)[0]).cell_data
 
 
 def test_velocity_is_the_stream_functions_derivative(lid_flow: FlowField) -> None:

@@ -122,8 +122,8 @@ def test_particles_stay_further_off_than_without(model: str) -> None:
 def test_a_long_straight_patch_pushes_as_an_endless_wall_does(h: float) -> None:
     """A wall turned by 30 degrees against sums over fine ghosts along it, as deep as the ghost cells stand.
 
-    The table is linear between its rows, h apart: of second order in h, and the error is below 4 % and
-    1 % of the largest force, 9 % and 2.5 % of the largest torque.
+    The table is linear between its rows, h apart: of second order in h, and the error is below 6 % and
+    1.6 % of the largest force, 19 % and 5 % of the largest torque, where these are flat at reach.
     """
     shape, turn = potential_shape(0.2, 0.1), np.radians(30.0)
     walls = Walls(((-1.0, 1.0), (-1.0, 1.0)), ("left",), 0.2, shape, 0.7, 100)
@@ -153,7 +153,7 @@ def test_a_long_straight_patch_pushes_as_an_endless_wall_does(h: float) -> None:
         ]
         exact = -scale * np.sum(slopes, axis=0)
         found = np.array([force_x[j, i], force_y[j, i], torque[j, i]])
-        allowed = np.array([0.6, 0.6, 1.5]) * (h / 0.2) ** 2
+        allowed = np.array([1.0, 1.0, 3.0]) * (h / 0.2) ** 2
         assert (np.abs(found - exact) < allowed * largest).all()
 
 

@@ -46,6 +46,8 @@ HISTOGRAM_CELLS = 60
 SMOOTHING = 1.0
 # Particles per filled bin below which the peaks of a histogram are chance (30 % and more).
 FEW = 10
+# Of a panel's width: lower ones are flat.
+_FLAT = 0.6
 
 
 class DensityRow(NamedTuple):
@@ -145,7 +147,10 @@ def density_figure(
     times = np.unique(np.concatenate([row.times for row in rows]))
     x_low, x_high, y_low, y_high = rows[0].extent
     height = PANEL * min(2.0, (y_high - y_low) / (x_high - x_low))
-    label_lines = max(row.label.count("\n") for row in rows) + 1
+    # A flat panel has no room for a long line beside it.
+    breaks = ",\n" if height < _FLAT * PANEL else ", "
+    labels = [row.label.replace(", ", breaks) for row in rows]
+    label_lines = max(label.count("\n") for label in labels) + 1
     figure = new_figure(
         PANEL * len(times) + 0.15 * label_lines + (2.4 if scale == "figure" else 0.7),
         (height + 0.13) * len(rows) + (0.9 if scale == "figure" else 1.6),
@@ -158,8 +163,8 @@ def density_figure(
         images = _draw_panels(shown, maximum, power, colours)
         if images:
             add_density_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
-    for row, first in zip(rows, axes[:, 0], strict=True):
-        first.set_ylabel(f"{row.label}\n\ny")
+    for label, first in zip(labels, axes[:, 0], strict=True):
+        first.set_ylabel(f"{label}\n\ny")
     for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):
         top.set_title(time_title(time))
         bottom.set_xlabel("x")

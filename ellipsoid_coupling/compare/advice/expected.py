@@ -246,7 +246,10 @@ class Judge(NamedTuple):
         fall = (found[0] / found[-1]) ** (1.0 / (len(found) - 1))
         fall = min(max(fall, 1.0), _LARGEST_FALL)
         value = found[-1] / fall**ahead
-        return self._with_reference(course, value, _DOUBT * (found[-1] - value))
+        likely = self._with_reference(course, value, _DOUBT * (found[-1] - value))
+        # Coarse steps may hide how the error falls: the limit itself has none.
+        best = self._with_reference(course, found[-1] / _LARGEST_FALL**ahead, 0.0)
+        return likely._replace(low=min(likely.low, best.low))
 
 
 def _samples(level: Level) -> int:

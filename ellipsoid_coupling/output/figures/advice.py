@@ -20,6 +20,8 @@ from ellipsoid_coupling.output.figures.canvas import (
 )
 from ellipsoid_coupling.output.labels import literal
 
+# Smaller errors are drawn here: some angles are exact to rounding.
+_LEAST = 1e-3
 # Rows are 1 apart, the quantities of a row so far.
 _APART = 0.3
 
@@ -57,8 +59,10 @@ def advice_figure(marks: Sequence[AdviceMark], title: str = "") -> Figure:
         some = [mark for mark in marks if mark.asked == asked]
         rows = [cases.index(m.case) + apart[m.quantity] for m in some]
         label = f"asked for {asked:g}"
-        errors.plot([m.found for m in some], rows, "o", color=colour, label=f"{label}: found")
-        expected = [m.expected for m in some]
+        errors.plot(
+            [max(m.found, _LEAST) for m in some], rows, "o", color=colour, label=f"{label}: found"
+        )
+        expected = [max(m.expected, _LEAST) for m in some]
         errors.plot(expected, rows, "|", color=colour, markersize=12, label=f"{label}: expected")
         errors.axvline(asked, color=colour, linewidth=0.8, linestyle="--")
         ratios = [max(m.cost_ratio, 1e-3) for m in some]
@@ -89,6 +93,8 @@ def _show_cases(axes: Axes, cases: Sequence[str]) -> None:
 
 def draw_advice(marks: Sequence[AdviceMark], path: Path, *, title: str = "") -> Path:
     """Errors found and expected against those asked for, and the price, a row for each case.
+
+    Errors below a thousandth are drawn at a thousandth.
 
     Parameters
     ----------

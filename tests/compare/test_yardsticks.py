@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.compare import reference_solution, yardsticks
+from ellipsoid_coupling.compare import reference_solution, run_frontier, yardsticks
 from ellipsoid_coupling.compare.distances import Errors
 from ellipsoid_coupling.compare.error_budget import Bins
 from ellipsoid_coupling.compare.timing import Bench
@@ -24,6 +24,7 @@ from ellipsoid_coupling.compare.yardsticks import (
 )
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, analytic_flow
+from ellipsoid_coupling.output.frontier_report import frontier_text
 from ellipsoid_coupling.scenes import Scene
 
 SHORT: dict[str, Any] = {"times": [0.2, 0.4]}
@@ -117,6 +118,18 @@ def test_it_is_the_reference_without_a_run(rotation_flow: FlowField) -> None:
     assert np.array_equal(reference.spread.angle, [2e-3, 2e-3])
     assert reference.bins.density.shape == (3, 2, 400)
     assert reference.result.attributes["origin"] == "made up, 0.1"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_frontier_tells_its_origin_and_error(rotation_flow: FlowField) -> None:
+    values = SHORT | {"particles.number": 20, "particles.realisations": 4}
+    scene = ec.load_scene("rotation", values | {"numerics.interaction": "direct"})
+    save_yardstick(yardstick_path(scene), made_up(scene))
+    frontier = run_frontier(scene, rotation_flow, models=("mckean_vlasov",), longest=1e-3)
+    text = frontier_text(frontier)
+    assert "Stored yardstick: made up, 0.1" in text
+    assert "it may be off by: 0.0010" in text
+    assert all(max(row.angle_errors) > 0.5 for row in frontier.rows if row.status == "completed")
 
 
 def arrays_of(scene: Scene, path: Path) -> dict[str, Any]:

@@ -48,29 +48,28 @@ def time_series(result: Result) -> Series:
     domain = result.scene.domain
     area = domain.width * domain.height
     rows = [_moments(result, k) for k in range(result.times.size)]
-    speed, turning, order = np.array(rows).reshape(-1, 3).T
+    speed, turning = np.array(rows).reshape(-1, 2).T
     return Series(
         times=result.times,
         mass=area * result.density(_BINS).reshape(-1, _BINS**2).mean(axis=1),
         speed=np.sqrt(speed),
         turning=np.sqrt(turning),
-        order=None if result.scene.particles.is_circle else order,
+        order=None if result.scene.particles.is_circle else result.order_parameter(),
     )
 
 
-def _moments(result: Result, k: int) -> tuple[float, float, float]:
-    """<v^2>, <omega^2> and |<exp(2 i theta)>| at saved time k; NaN without mass."""
-    weights, angle = _weights_and_angles(result, k)
+def _moments(result: Result, k: int) -> tuple[float, float]:
+    """<v^2> and <omega^2> at saved time k; NaN without mass."""
+    weights = _weights(result, k)
     total = float(weights.sum())
     if not total > 0.0:
-        return (np.nan, np.nan, np.nan)
+        return (np.nan, np.nan)
     x, y, omega = (
         _counted(result, name, k) for name in ("velocity_x", "velocity_y", "angular_velocity")
     )
     speed = float((weights * (x**2 + y**2)).sum()) / total
     turning = float((weights * omega**2).sum()) / total
-    direction = complex((weights * np.exp(2j * angle)).sum()) / total
-    return (speed, turning, abs(direction))
+    return (speed, turning)
 
 
 def _counted(result: Result, name: str, k: int) -> Floats:
@@ -80,13 +79,10 @@ def _counted(result: Result, name: str, k: int) -> Floats:
     return values if gone is None else np.where(gone[k], 0.0, values)
 
 
-def _weights_and_angles(result: Result, k: int) -> tuple[Floats, Floats]:
-    """The weight of every particle or cell at saved time k, and its angle; they broadcast."""
-    if result.layout == "particles":
-        angle = _counted(result, "angle", k)
-        gone = result.frozen
-        return (np.ones(angle.shape) if gone is None else (~gone[k]).astype(np.float64)), angle
-    density = result.variables["density"][k]
-    if result.layout == "rho":
-        return density, result.variables["mean_angle"][k]
-    return density, result.coordinates["angle"][:, None, None]
+def _weights(result: Result, k: int) -> Floats:
+    """The weight of every particle or cell at saved time k."""
+    if result.layout != "particles":
+        return result.variables["density"][k]
+    gone = result.frozen
+    shape = result.variables["x"][k].shape
+    return np.ones(shape) if gone is None else (~gone[k]).astype(np.float64)

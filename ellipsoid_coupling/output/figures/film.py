@@ -23,6 +23,7 @@ from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.files.limits import MOST_GIF_FRAMES
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.geometry.orientation import phase_of
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,
@@ -37,6 +38,7 @@ from ellipsoid_coupling.output.figures.flow import add_arrows
 from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, line_style
 from ellipsoid_coupling.output.figures.walls import add_walls
 from ellipsoid_coupling.output.labels import literal, model_name
+from ellipsoid_coupling.output.orientation import axis_moment
 from ellipsoid_coupling.output.outlines import ellipse_outlines
 from ellipsoid_coupling.result import Result
 
@@ -292,10 +294,7 @@ class _GridFilm:
 def main_axis(result: Result, k: int) -> Floats:
     """The direction of the main axis in each cell at saved time k, in [0, pi), (ny, nx).
 
-    Of a q-grid that of the mean of exp(2 i theta), 0 where there is no mass.
+    Half the argument of the mean of exp(2 i theta), 0 where there is no mass.
     """
-    if result.layout == "rho":
-        return np.asarray(np.mod(result.variables["mean_angle"][k], np.pi))
-    turned = np.exp(2j * result.coordinates["angle"])
-    mean = np.tensordot(turned, result.variables["density"][k], axes=1)
-    return np.asarray(np.mod(0.5 * np.angle(mean), np.pi))
+    rows, columns = result.variables["density"].shape[-2:]
+    return phase_of(axis_moment(result, k, (rows, columns)), 2)

@@ -85,9 +85,9 @@ def test_the_main_axis_of_cells(q_result: Result, rho_result: Result) -> None:
     np.testing.assert_allclose(axis[there], np.deg2rad(165.0), atol=1e-12)
     angle = main_axis(rho_result, 1)
     assert ((angle >= 0.0) & (angle <= np.pi)).all()
-    np.testing.assert_allclose(
-        np.exp(2j * angle), np.exp(2j * rho_result.variables["mean_angle"][1]), atol=1e-12
-    )
+    there = rho_result.variables["density"][1] > 0.0
+    told = rho_result.variables["mean_angle"][1][there]
+    np.testing.assert_allclose(np.exp(2j * angle[there]), np.exp(2j * told), atol=1e-12)
 
 
 def test_the_flow_is_drawn_anew_only_where_it_changes(

@@ -26,7 +26,7 @@ def test_parcels_of_openfoam_take_the_same_ways(drag: float, tmp_path: Path) -> 
     """Both know the flow at its cells and faces only: median distance below 0.01 diameters, same fates.
 
     Measured at t = 1 to 8: 0.001 to 0.007. Far behind the cylinder, where cells are 0.3 long, OpenFOAM's
-    linear and our cubic velocities take light and heavy ones 0.024 and 0.028 apart, of some 14 travelled.
+    linear and our cubic velocities take them 0.024 and 0.028 apart; with cells half as long 0.004.
     Parcels begin to move when their first step ends: a longer one than 0.002 would show.
     """
     solved = solve_case("cylinder", 16)

@@ -191,7 +191,7 @@ class Result(Summarised):
         return np.array(angles) + start.turns
 
     def order_parameter(self, cells: int | None = None) -> Floats:
-        """How parallel the main axes are: S = |<e^{2 i theta}>|.
+        """How parallel the main axes are: S = abs(<e^{2 i theta}>).
 
         1 where all are parallel, 0 where no axis is preferred; of n particles whose angles are chance S
         is about (pi/(4n))^(1/2). Of `rho` results each cell has one angle: S is that of the angles of the

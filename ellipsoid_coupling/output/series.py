@@ -82,7 +82,7 @@ def _counted(result: Result, name: str, k: int) -> Floats:
 def _weights(result: Result, k: int) -> Floats:
     """The weight of every particle or cell at saved time k."""
     if result.layout != "particles":
-        return result.variables["density"][k]
+        return np.asarray(result.variables["density"][k])
     gone = result.frozen
     shape = result.variables["x"][k].shape
     return np.ones(shape) if gone is None else (~gone[k]).astype(np.float64)

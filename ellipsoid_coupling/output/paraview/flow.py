@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import plain
 from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, FlowSample
+from ellipsoid_coupling.flow.inside import in_fluid
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.stream_values import psi_coefficients
 from ellipsoid_coupling.geometry.even_points import even_points
-from ellipsoid_coupling.geometry.inside import in_fluid
 from ellipsoid_coupling.geometry.orientation import as_axis
 from ellipsoid_coupling.models.from_scene import scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines

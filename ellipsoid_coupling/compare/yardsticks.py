@@ -64,13 +64,14 @@ class Yardstick(NamedTuple):
 def scene_digest(scene: Scene) -> str:
     """What tells two limits apart, but for the fluid: 16 hexadecimal digits.
 
-    The number of particles counts where there are walls, whose ghosts are so many times weaker.
+    The number of particles counts where there are walls, whose ghosts are so many times weaker. Keys that
+    have their default do not, so that keys to come change no digest.
     """
-    table = scene.model_dump(mode="json", exclude_none=True)
+    table = scene.model_dump(mode="json", exclude_defaults=True)
     particles = table["particles"]
-    del particles["realisations"]
+    particles.pop("realisations", None)
     if scene.walls is None:
-        del particles["number"]
+        particles.pop("number", None)
     if scene.flow is not None:
         table["flow"] = [scene.flow.drag, scene.flow.angular_drag]
     for name in ("name", "title", "numerics"):

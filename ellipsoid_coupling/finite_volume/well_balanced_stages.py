@@ -25,7 +25,7 @@ from ellipsoid_coupling.compiled.jit import inline_kernel, kernel, parallel_kern
 from ellipsoid_coupling.compiled.loops import over_row
 from ellipsoid_coupling.compiled.rows import Rows, load, rows_at, store
 from ellipsoid_coupling.finite_volume.fluxes.contract import ALONG, DENSITY
-from ellipsoid_coupling.finite_volume.fluxes.kinetic import Limits, face_factor
+from ellipsoid_coupling.finite_volume.fluxes.kinetic import Limits, face_ratios
 from ellipsoid_coupling.finite_volume.grid import GHOSTS
 from ellipsoid_coupling.finite_volume.kick import exact_gain
 from ellipsoid_coupling.finite_volume.q_grid import Extents
@@ -51,9 +51,9 @@ def _source(density: Values, up: Values, down: Values, limits: Limits) -> float:
     """
     # Ratios of the equilibrium's densities: upper face to centre, lower face to centre.
     rise, fall = up[0], 1.0 / down[0]
-    factor = face_factor(density[0], density[1], density[2], rise, fall, limits)
+    top, bottom = face_ratios(density[0], density[1], density[2], rise, fall, limits)
     # Simpson's rule for the mean density of the profile over that of the equilibrium: c(s)/c(g).
-    mean = (2.0 + 0.5 * (factor * rise + fall / factor)) / (2.0 + 0.5 * (rise + fall))
+    mean = (2.0 + 0.5 * (top + bottom)) / (2.0 + 0.5 * (rise + fall))
     # Both faces' pressures, and the rest of the work, which acts as a plain force.
     push = mean * (rise - fall) + 0.5 * (up[1] + down[1])
     return push * density[1]

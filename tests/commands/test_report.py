@@ -57,7 +57,7 @@ def test_no_solver_is_started_for_a_report(
         raise AssertionError("something is solved or simulated")
 
     monkeypatch.setattr("ellipsoid_coupling.simulation.simulate", started)
-    monkeypatch.setattr("ellipsoid_coupling.simulation.obtain_flow", started)
+    monkeypatch.setattr("ellipsoid_coupling.flow.provide.obtain_flow", started)
     monkeypatch.setattr("ellipsoid_coupling.flow.provide.solve_case", started)
     assert status_of("report", str(run), "--out", str(tmp_path)) == 0
 

@@ -181,12 +181,16 @@ def test_the_lock_file_pins_everything_that_the_project_needs() -> None:
     names = {_plain_name(line.split("==")[0]) for line in pins}
     project = tomllib.loads((TOP / "pyproject.toml").read_text())
     left = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
-    left += project["project"]["optional-dependencies"]["dev"]
+    extras = project["project"]["optional-dependencies"]
+    left += extras["dev"]
     wanted: set[str] = set()
     while left:
-        if (text := left.pop()) not in wanted:
+        package = Requirement(text := left.pop())
+        if package.name == project["project"]["name"]:
+            left += [needed for extra in package.extras for needed in extras[extra]]
+        elif text not in wanted:
             wanted.add(text)
-            left += _requirements_of(Requirement(text))
+            left += _requirements_of(package)
     assert {_plain_name(Requirement(text).name) for text in wanted} == names
 
 

@@ -110,14 +110,18 @@ def _half_moments(v: float) -> tuple[float, float]:
 
 
 @inline_kernel
-def face_factor(
+def face_ratios(
     before: float, here: float, after: float, rise: float, fall: float, limits: Limits
-) -> float:
-    """exp(slope/2), the density at the upper face over that of the equilibrium through the centre.
+) -> tuple[float, float]:
+    """The densities at the upper and the lower face over that of the centre.
 
-    The mean of the logarithmic slopes to both neighbours, limited to twice the smaller one; 1
-    beside vacuum and at extrema, unless they are smooth. `rise` and `fall` lead from the centre to
-    the upper and the lower face.
+    `rise` and `fall` are those of the equilibrium through the centre. On top comes exp(+-slope/2): the
+    mean of the logarithmic slopes to both neighbours, limited to twice the smaller one; 0 beside vacuum
+    and at extrema, unless they are smooth.
+
+    Elsewhere than in smooth profiles neither face leaves the range from the centre to its neighbour. An
+    equilibrium is far from that bound, its faces are the geometric means. But mass that drag carries along
+    is in none: its profile does not follow the work of the drag, which would throw its head ahead.
     """
     filled = min(before, here, after) > limits.vacuum
     low = here * fall * fall / before if filled else 1.0
@@ -127,7 +131,13 @@ def face_factor(
     rising = min(min(low, high), min(mean, _STEEPEST))
     falling = max(max(low, high), max(mean, 1.0 / _STEEPEST))
     limited_one = rising if min(low, high) > 1.0 else falling if max(low, high) < 1.0 else 1.0
-    return mean if abs(high - low) <= limits.smooth * low else limited_one
+    smooth = filled and abs(high - low) <= limits.smooth * low
+    inverse = 1.0 / here if here > limits.vacuum else 0.0
+    upper, lower = after * inverse, before * inverse
+    bounded = max(min(limited_one, max(1.0, upper) / rise), min(1.0, upper) / rise)
+    bounded = max(min(bounded, fall / min(1.0, lower)), fall / max(1.0, lower))
+    factor = mean if smooth else bounded
+    return factor * rise, fall / factor
 
 
 @inline_kernel
@@ -162,14 +172,13 @@ def kinetic_outflow(flux: Kinetic, stencil: Stencil, ratio: float) -> tuple[Valu
     density = here[DENSITY]
     rise = element(flux.tilt, stencil.cell)
     fall = 1.0 / element(flux.tilt, stencil.cell - stencil.stride)
-    factor = face_factor(
+    at_top, at_bottom = face_ratios(
         below[DENSITY], density, above[DENSITY], rise, fall, Limits(flux.smooth, flux.vacuum)
     )
     filled = min(below[DENSITY], density, above[DENSITY]) > flux.vacuum
     v = here[ALONG] * inverse[1]
     dv = _slope(below[ALONG] * inverse[0], v, above[ALONG] * inverse[2], filled, flux.smooth)
     # The centre of mass of an exponential profile, to second order.
-    at_top, at_bottom = factor * rise, fall / factor
     centre = (at_top - at_bottom) / 12.0
     mass_up, momentum_up = _half_moments(v + dv * (0.5 - centre))
     mass_down, momentum_down = _half_moments(-v + dv * (0.5 + centre))

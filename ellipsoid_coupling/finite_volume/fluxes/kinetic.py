@@ -134,8 +134,11 @@ def face_ratios(
     smooth = filled and abs(high - low) <= limits.smooth * low
     inverse = 1.0 / here if here > limits.vacuum else 0.0
     upper, lower = after * inverse, before * inverse
-    bounded = max(min(limited_one, max(1.0, upper) / rise), min(1.0, upper) / rise)
-    bounded = max(min(bounded, fall / min(1.0, lower)), fall / max(1.0, lower))
+    least = max(min(1.0, upper) / rise, fall / max(1.0, lower))
+    most = min(max(1.0, upper) / rise, fall / min(1.0, lower))
+    # Both faces cannot have it where the work differs much from face to face: then they share, as a mirror
+    # image would.
+    bounded = max(min(limited_one, most), least) if least <= most else math.sqrt(least * most)
     factor = mean if smooth else bounded
     return factor * rise, fall / factor
 

@@ -216,7 +216,7 @@ def test_an_archive_of_very_many_arrays_is_refused_before_it_is_listed(tmp_path:
         for number in range(20):
             archive.writestr(f"{number}.npy", b"")
     (tmp_path / "flow.npz").write_bytes(memory.getvalue())
-    with pytest.raises(InputError, match="at most 10 arrays"):
+    with pytest.raises(InputError, match=r"at most \d+ arrays"):
         FlowField.load(tmp_path / "flow.npz")
 
 

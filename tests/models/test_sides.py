@@ -49,8 +49,11 @@ def test_mass_stays_and_places_are_alike(model: str, scheme: Any) -> None:
     assert attributes["mass_left"] == 0.0
     second = run(model, scheme, (0.15, 0.35))
     for name in ("density", "velocity_x"):
-        before = first.to_dataset()[name].isel(time=-1).to_numpy()
-        after = second.to_dataset()[name].isel(time=-1).to_numpy()
+        # Empty cells have no velocity.
+        before, after = (
+            np.nan_to_num(result.to_dataset()[name].isel(time=-1).to_numpy())
+            for result in (first, second)
+        )
         scale = np.abs(before).max()
         np.testing.assert_allclose(np.roll(before, 7, -1), after, atol=1e-12 * scale)
     # The seam was at its end.

@@ -75,7 +75,7 @@ def _result_figure(result: Result, time: int) -> Figure:
     right.stairs(angles, edges, color=line_style(result.model).colour, linewidth=1.5)
     right.set(xlim=(0.0, 2.0 * np.pi), xlabel="angle", ylabel="probability density")
     right.set_ylim(bottom=0.0)
-    show_multiples_of_pi(right)
+    show_multiples_of_pi(right.xaxis)
     name = result.scene.title or result.scene.name
     add_title(
         figure, f"{name}\n{model_name(result.model)}, {time_title(float(result.times[time]))}"

@@ -116,8 +116,8 @@ def test_it_says_what_ran_side_by_side(runs: list[Run], tmp_path: Path) -> None:
     assert page.row("outlet") == ["25", "–"]
     assert page.row("in(1)") == ["0", "–"]
     assert "Take care." in page.text
-    # Density, angles, ellipses, flow, and the numbers over time.
-    assert page.tags.count("img") == 5
+    # Density, mean axes as lines and as colours, order, angles, ellipses, flow, and the numbers over time.
+    assert page.tags.count("img") == 8
     assert "ellipsoid run 'results/a b/run.toml' --out NEW_FOLDER" in page.text
     assert "ellipsoid run scene.toml --model rho_mono_kinetic --scheme accurate" in page.text
     for cell in page.row("noise"):

@@ -242,7 +242,7 @@ def test_a_browser_shows_it(runs: list[Run], comparison: Path, tmp_path: Path) -
     found = re.search(r"<title>(.*)</title>", done.stdout)
     assert found is not None
     # Width of the content, pictures that are broken, and all of them, by frame.
-    assert found[1] == "1200 0 6, 400 0 6"
+    assert found[1] == "1200 0 9, 400 0 9"
 
 
 _MEASURE = """

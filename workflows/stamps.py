@@ -21,6 +21,7 @@ FILE = "stamps.json"
 
 # The module that draws each picture; what it imports of `output` counts as well.
 DRAWN_BY = {
+    "advice.png": "advice",
     "angles_cavity_free.png": "angles",
     "density_cavity.png": "density",
     "density_cavity_free.png": "density",

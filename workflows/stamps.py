@@ -40,7 +40,12 @@ DRAWN_BY = {
 
 # Pictures of measurements that take a quiet machine and long: they may wait for the next one, drawn by
 # earlier code, which their stamp says.
-MAY_WAIT = ("error_parts_cavity_free.png", "frontier_cavity_free.png", "stability.png")
+MAY_WAIT = (
+    "advice.png",
+    "error_parts_cavity_free.png",
+    "frontier_cavity_free.png",
+    "stability.png",
+)
 EARLIER = "earlier code"
 
 

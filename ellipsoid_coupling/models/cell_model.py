@@ -228,9 +228,9 @@ class CellModel(ABC):
         bounds = self._force_bounds() if known else (math.inf, math.inf)
         return Health(mass * cells.grid.volume, least, speeds, bounds, left=cells.mass_left)
 
+    @abstractmethod
     def _force_bounds(self) -> tuple[float, float]:
         """Of the drift, per mass and per inertia, where there is no pressure."""
-        raise NotImplementedError
 
     def counts(self) -> Counts:
         """The steps, the mass balance, by patch where there are any, crossed characteristics, warnings."""

@@ -143,8 +143,12 @@ def kernel(function: Any = None, *, noalias: bool = False) -> Any:
 
 
 def inline_kernel(function: Function) -> Function:
-    """Compile a small scalar formula that every caller inlines, so that its loop vectorises."""
-    return _compiled(function, inline="always", forceinline=True)
+    """Compile a small scalar formula that every caller inlines, so that its loop vectorises.
+
+    LLVM inlines it. Numba's own ``inline="always"`` would rewrite and type the formula anew in every
+    caller, a quarter of all time to compile, and gives the same bits at the same speed.
+    """
+    return _compiled(function, forceinline=True)
 
 
 def parallel_kernel(function: Function) -> Function:

@@ -34,6 +34,7 @@ _MASS, _LEAST, _MOTION, _SPIN = range(4)
 def _survey_cell(i: int, cells: Rows, sums: Rows) -> None:
     cell, before = load(cells, i), load(sums, i)
     rho = cell[DENSITY]
+    # Vacuum has no momentum: 0/0 would be NaN, 0 is what it adds.
     inverse = 0.0 if rho == 0.0 else 1.0 / rho
     motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * inverse
     # One number, or none where there is no angle.
@@ -129,6 +130,7 @@ def _survey_some(
     _, components, number = velocity.shape
     for k in range(realisations[0], realisations[1]):
         for d in range(components):
+            # Angular velocity and torque have units of their own, and so lanes.
             kind = 1 if d == 2 else 0
             for first in range(0, number, SURVEY_LANES):
                 run = slice(first, min(first + SURVEY_LANES, number))
@@ -173,6 +175,7 @@ def survey_particles(
     # Not by the number of threads, so that sums always add up in the same order.
     parts = max(1, min(realisations, SURVEY_PARTS, velocity.size // NUMBERS_PER_PART))
     lanes = np.zeros((parts, 5, SURVEY_LANES))
+    # To wake threads would take longer.
     if parts == 1:
         _survey_some(place, velocity, force, box, (0, realisations), lanes[0])
     else:
@@ -184,4 +187,5 @@ def largest_magnitude(values: NDArray[np.floating] | None) -> float:
     """The largest absolute value of an array; 0 for None or none."""
     if values is None or values.size == 0:
         return 0.0
+    # Two looks, and no array of absolute values.
     return max(float(values.max()), -float(values.min()))

@@ -69,6 +69,7 @@ def _set_rows(
     count: int,
 ) -> None:
     """Overwrite the forces of `count` particles: two or, where something turns, three rows."""
+    # Terms come as arguments, one by one: what is None is then left out by the compiler.
     for i in range(count):
         here = load(place, i)
         force_x, force_y, torque = external_drift(fluid, outer, angular, t, here, load(axis, i))
@@ -90,6 +91,7 @@ def own_forces(
         here, rates = rows_at(place, (0, 1, 2), first), rows_at(force, (0, 1, 2), first)
         _set_rows(fluid, outer, angular, t, here, double, rates, count)
     else:
+        # Nothing turns, so that V2 turns nobody.
         at, pulls = rows_at(place, (0, 1), first), rows_at(force, (0, 1), first)
         _set_rows(fluid, outer, None, t, at, double, pulls, count)
 
@@ -98,6 +100,7 @@ def own_forces(
 def _add_pairs(
     pairs: Pairs | None, place: Floats, axis: Floats, force: Floats, frozen: Flags | None
 ) -> None:
+    # A function of its own: numba leaves out what stands behind `is not None` for arguments only.
     if pairs is not None:
         _add_moving_pairs(pairs, place, axis, force, frozen)
 
@@ -114,6 +117,7 @@ def _add_moving_pairs(
         if moving.size == frozen.size:
             add_pair_forces(place, axis, pairs, force)
         elif moving.size > 0:
+            # Over a copy of those that move: frozen ones are neither targets nor sources.
             some = np.zeros((force.shape[0], moving.size))
             add_pair_forces(place[:, moving], axis[:, moving], pairs, some)
             for d in range(force.shape[0]):
@@ -127,6 +131,7 @@ def still_frozen(frozen: Flags | None, force: Floats) -> None:
     if frozen is not None:
         for d in range(force.shape[0]):
             for i in range(force.shape[1]):
+                # Chosen, not branched over, so that the loop vectorises.
                 force[d, i] = force[d, i] if frozen[i] == 0 else 0.0
 
 
@@ -148,9 +153,11 @@ def particle_forces(
     frozen : (N,) uint8 or None
         1 for particles that feel nothing and act on nobody; None where there are none.
     """
+    # Cosine and sine belong to the particle: no pair takes one.
     axis = np.empty((2, place.shape[1]))
     all_of_them = 0, place.shape[1]
     set_axes(place, axis, all_of_them)
     own_forces(drift, t, place, axis, force, all_of_them)
     _add_pairs(drift.pairs, place, axis, force, frozen)
+    # Last, for fluid and potentials have pushed frozen ones as well.
     still_frozen(frozen, force)

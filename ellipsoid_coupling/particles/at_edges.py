@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
 Indices = NDArray[np.int64]
 
+# Of a path: no force, no noise. As a normal: no wall.
 NOWHERE = (0.0, 0.0)
 
 
@@ -40,6 +41,8 @@ class Ends(NamedTuple):
 def _way(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Way:
     """Bounds the way of a particle in a step in which the force becomes `later` (D, B)."""
     velocity, force, k = step.state.velocity, step.state.force, step.k
+    # t phi1, t^2 phi2 and t^3 phi3 all rise with t, whatever the damping: that makes it a bound. The change
+    # counts in full, as it does in `_path`.
     by_velocity, by_force, missed = linear.place_velocity, linear.place_force, linear.place_missed
     change_x, change_y = later[0, i] - force[k, 0, i], later[1, i] - force[k, 1, i]
     return Way(
@@ -75,6 +78,7 @@ def _may_meet(edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearSte
     _flag(edges, step, later, linear, flags)
     which, count = flagged(flags), 0
     for i in which:
+        # `count` never passes the index that is read, so that the list is shortened in place.
         if takes_part(state.frozen, k, i):
             x, y = state.place[k, 0, i], state.place[k, 1, i]
             if may_meet_edge(edges, x, y, _way(step, later, linear, i)):
@@ -88,6 +92,7 @@ def _path(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Path:
     """The path of a particle in a step in which the force becomes `later` (D, B)."""
     k, dt = step.k, step.dt
     place, velocity, force = step.state.place, step.state.velocity, step.state.force
+    # R_n and W_n of either direction: the first moves the particle, the second is added at the end.
     right, across = noise_of(step.noise, 0, step.rates, linear, i)
     up, along = noise_of(step.noise, 1, step.rates, linear, i)
     return Path(
@@ -98,6 +103,7 @@ def _path(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Path:
         # The noise of the whole step is spread evenly over it: how it came about is not known.
         (right / dt, up / dt),
         (across, along),
+        # x and y have one Gamma: a path has one damping.
         step.rates.damping[0],
     )
 
@@ -108,6 +114,7 @@ def predict_at_edges(edges: EdgeGrid | None, step: BlockStep) -> None:
     if edges is not None:
         linear = linear_step(step.rates.damping[0], step.rates.amplitude[0], step.dt)
         force, place = step.state.force[step.k], step.trial.place
+        # A prediction takes a constant drift: the force at the end is that at the start.
         for i in _may_meet(edges, step, force, linear):
             place[0, i], place[1, i] = follow(edges, _path(step, force, linear, i), step.dt).place
 
@@ -118,11 +125,13 @@ def _scheme_path(path: Path, linear: LinearStep, dt: float, normal: tuple[float,
 
     All of the change is taken along `normal`, that of a wall which is met, or NOWHERE.
     """
+    # The c of `exponential`: less than 1 with noise, 0 where nothing damps.
     part = linear.place_change / linear.place_missed
     (sx, sy), (kx, ky) = path.slope, path.kick
     across = normal[0] * sx + normal[1] * sy
     left_x = (1.0 - part) * (sx - across * normal[0])
     left_y = (1.0 - part) * (sy - across * normal[1])
+    # Only the place takes a part of the change; the velocity gets what the slope has lost of it.
     slope = sx - left_x, sy - left_y
     kick = kx + linear.velocity_change * dt * left_x, ky + linear.velocity_change * dt * left_y
     return Path(path.place, path.velocity, path.force, slope, path.noise, kick, path.damping)
@@ -132,6 +141,7 @@ def _scheme_path(path: Path, linear: LinearStep, dt: float, normal: tuple[float,
 def _corrected(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> End:
     """Where a path leads that may come to an edge; along the edge, or without one, as the plain formula."""
     end = follow(edges, path, dt)
+    # Between edges of two directions no normal holds for all of the way: the first path stays.
     if linear.place_change != linear.place_missed and not end.corner:
         normal = edge_normal(edges, end.first) if end.first >= 0 else NOWHERE
         end = follow(edges, _scheme_path(path, linear, dt, normal), dt)
@@ -171,6 +181,7 @@ def settle(
             i, values = ends.which[m], ends.values[m]
             place[0, i], place[1, i] = values[0], values[1]
             velocity[0, i], velocity[1, i] = values[2], values[3]
+            # A double holds any number of an edge exactly.
             edge = int(values[5])
             if edge >= 0:
                 end_particle(
@@ -188,10 +199,12 @@ def end_particle(
     t: float,
 ) -> None:
     """Particle i of block k, where = (k, i), stays for ever where it is."""
+    # Arguments, since numba leaves out what stands behind `is not None` for these only.
     if fates is not None and frozen is not None:
         k, i = where
         fates.code[k, i], fates.time[k, i] = FIRST_PATCH + patch, t
         frozen[k, i] = 1
+        # The rate of the angle too: what holds a particle turns it no more.
         state.velocity[k, :, i] = 0.0
         state.force[k, :, i] = 0.0
         _clear_noise(state.noise, k, i)
@@ -200,6 +213,7 @@ def end_particle(
 @kernel
 def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
     if noise is not None:
+        # Numbers that are drawn already would move it in the steps to come.
         noise[k, :, :, i] = 0.0
 
 
@@ -233,6 +247,7 @@ def straight_at_edges(
     if edges is not None and before is not None:
         t, dt = times
         place, velocity = state.place[k], state.velocity[k]
+        # Written anew for each of the few that are left.
         flags, values = np.empty(place.shape[1], np.uint8), np.empty((1, 6))
         _flag_straight(edges, before, place, flags)
         for i in flagged(flags):
@@ -241,6 +256,7 @@ def straight_at_edges(
                 speed = way.velocity[0] / dt, way.velocity[1] / dt
                 # What the velocity has besides that of the way is turned round with it.
                 rest = velocity[0, i] - speed[0], velocity[1, i] - speed[1]
+                # Leapfrog flies straight at the velocity that it has made: there is no damping on the way.
                 path = Path((x, y), speed, NOWHERE, NOWHERE, NOWHERE, rest, 0.0)
                 _kept(values[0], follow(edges, path, dt))
                 settle(edges, Ends(np.full(1, i), values), state, k, t)
@@ -264,12 +280,14 @@ def _feed(
     if births is not None and edges is not None and fates is not None and frozen is not None:
         k, t = at
         slots = births.time.shape[1]
+        # Times ascend, so that those whose time has come are the next ones.
         while births.born[k] < slots and births.time[k, births.born[k]] <= t:
             j = births.born[k]
             births.born[k] += 1
             i = births.first + j
             fates.code[k, i], frozen[k, i] = INSIDE, 0
             _place_newborn(births, edges, state, (k, j), t - births.time[k, j])
+        # Noise alone moves a slot that is not born yet. It is not cleared, for the slot needs it later.
         _hold_unborn(state.noise, births, state, k)
 
 
@@ -283,9 +301,11 @@ def _place_newborn(
     born, moving = births.place[k, :, j], births.velocity[k, :, j]
     state.velocity[k, :, i], state.force[k, :, i] = moving, births.force[k, :, j]
     for d in range(2, born.size):
+        # The angle meets no edge.
         state.place[k, d, i] = born[d] + age * moving[d]
     path = Path((born[0], born[1]), (moving[0], moving[1]), NOWHERE, NOWHERE, NOWHERE, NOWHERE, 0.0)
     values = np.empty((1, 6))
+    # Since its birth it may have come to a wall beside the inlet, or have left again.
     _kept(values[0], follow(edges, path, age))
     settle(edges, Ends(np.full(1, i), values), state, k, births.time[k, j])
 

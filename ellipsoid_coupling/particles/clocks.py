@@ -182,6 +182,7 @@ def note_block_finite(k: int, work: Work, values: Floats) -> None:
 @kernel
 def note_outcome(clock: Floats, outcome: Outcome) -> None:
     """Keep the largest forces of all blocks in their clock, and whether all is finite."""
+    # By one thread, after the pass, and in the order of the blocks.
     for k in range(outcome.finite.size):
         note_forces(clock, outcome.forces[k, 0], outcome.forces[k, 1])
         if not outcome.finite[k]:

@@ -112,6 +112,7 @@ def step_block(
         frozen = frozen_row(state.frozen, k)
         set_block_forces(work.forces, t, trial.place, trial.force, frozen)
         if not work.interacts:
+            # While force and later force of the block are in cache.
             measure_block(k, work, next_dt)
 
 
@@ -128,6 +129,7 @@ def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
     if group.work.interacts:
         interact(group, t, group.work.trial.place, group.work.trial.force)
         over_blocks(group, measure_block, (dt,))
+    # Those that have ended err by 0, which must not make the mean of the others smaller.
     part = part_inside(group.work.state.fates)
     return largest_error(group.work.outcome.squares, group.work.limits.tolerance, part)
 
@@ -163,6 +165,7 @@ def _step_to_try(clock: Floats, cloud: Cloud, rates: Rates, limits: Limits, unti
     if until - clock[TIME] <= 0.0 or clock[STATUS] != RUNNING:
         return 0.0
     dt = min(clock[NEXT_STEP], until - clock[TIME])
+    # Of the step as it would be taken, which the save time may have made shorter than planned.
     allowed = collision_step(cloud, rates, limits, dt)
     if allowed < dt:
         shorten(clock, until, allowed, COLLISION)
@@ -180,6 +183,8 @@ def _typical_noise(noise: Floats) -> Floats:
     for k in range(blocks):
         for row in range(components):
             for i in range(size):
+                # Both numbers of a component have one sign: real displacements and velocities go
+                # together, too. Neighbours have opposite ones, so that the cloud is not shifted.
                 typical[k, 0, row, i] = 1.0 if (i + row // 2) % 2 == 0 else -1.0
     return typical
 
@@ -210,6 +215,7 @@ def _choose_first_step(noise: Floats | None, group: Group, until: float) -> None
         while clock[STATUS] == RUNNING:
             dt = equal_steps(until - clock[TIME], clock[NEXT_STEP])
             t = clock[TIME] + dt
+            # Row -1 + 1 is the only one of `typical`; a length of 0 finishes no step.
             over_blocks(group, step_block, (typical, -1, 0.0, dt, t))
             error, kind = _examine(group, t, dt)
             if error <= 1.0:
@@ -237,11 +243,13 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
         if dt == 0.0 or clock[STATUS] != RUNNING:
             return
         if tried == 0.0:
+            # A trial takes the row after the one that is named.
             over_blocks(group, step_block, (noise, step - 1, 0.0, dt, clock[TIME] + dt))
         error, kind = _examine(group, clock[TIME] + dt, dt)
         tried = 0.0
         # A noisy step is never repeated: that would select the noise by its outcome.
         if error <= 1.0 or noise is not None:
+            # Time goes on first: who ends or is born in the step asks the clock for the step's end.
             accept(clock, until, dt, _next_step(clock, noise, rates, dt, error), kind)
             # Who may meet in the next step is seen from where this one ends, so that one pass over
             # memory can do both only where nobody meets.

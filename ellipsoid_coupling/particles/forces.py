@@ -73,6 +73,7 @@ def set_block_forces(
 @kernel
 def _add_walls(walls: Pairs | None, place: Floats, force: Floats, frozen: Flags | None) -> None:
     if walls is not None:
+        # Ghosts push all particles alike, frozen ones too: their forces are cleared after it.
         _add_ghosts(walls.ghosts, walls, place, force)
         still_frozen(frozen, force)
 

@@ -41,6 +41,7 @@ def places_before(bounded: FlowArrays | EdgeGrid | None, place: Floats) -> Float
     """A copy of x and y (2, N) before a step; None where nothing looks at the way from there."""
     if bounded is None:
         return None
+    # A copy, since steps move particles in place.
     return place[:2].copy()
 
 
@@ -59,9 +60,11 @@ def _freeze(
     state: ParticleState,
     k: int,
 ) -> None:
+    # Arguments, since numba leaves out what stands behind `is not None` for these only.
     if frozen is not None and mesh is not None and before is not None:
         place, velocity, force = state.place[k], state.velocity[k], state.force[k]
         for i in range(place.shape[1]):
+            # Frozen ones are not followed: they lie outside already, and stay.
             if frozen[k, i] == 0:
                 start, end = (before[0, i], before[1, i]), (place[0, i], place[1, i])
                 leaves, x, y = first_outside(mesh, start, end, periods)
@@ -76,6 +79,7 @@ def _freeze(
 @kernel
 def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
     if noise is not None:
+        # Numbers that are drawn already would move it in the steps to come.
         noise[k, :, :, i] = 0.0
 
 
@@ -106,6 +110,7 @@ def first_outside(
         return False, end[0], end[1]
     ny, nx = mesh.mask.shape
     way = _STEPS_PER_CELL * max(abs(dx) * mesh.inverse_dx, abs(dy) * mesh.inverse_dy)
+    # Bounded as a floating point number: an integer may not hold the way of a run that blows up.
     parts = 1 + int(min(way, float(_MOST_STEPS * (nx + ny))))
     for j in range(1, parts):
         x, y = start[0] + dx * j / parts, start[1] + dy * j / parts

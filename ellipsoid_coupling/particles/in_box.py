@@ -42,6 +42,7 @@ def _flag(
         way = linear.place_velocity * abs(state.velocity[k, d, i])
         way += linear.place_force * abs(force) + linear.place_missed * abs(later[d, i] - force)
         way += abs(noise_of(step.noise, d, step.rates, linear, i)[0])
+        # `and` would branch. Comparisons are false for NaN, so that it is flagged.
         flags[i] = not ((low + way <= place) & (place <= high - way))
 
 
@@ -85,6 +86,7 @@ def bounces_in_box(
     """Where those end that may come to a wall in the step which its trial predicts."""
     if box is None:
         return None
+    # The angle has no walls; indices of one type in either case.
     nobody = np.empty(0, np.int64)
     which = _may_bounce(step, step.trial.force, d, linear, box[d]) if d < 2 else nobody
     values = np.empty((which.size, 2))
@@ -104,6 +106,8 @@ def _bounced(
     end, speed, sign, bounces = fly(flight, step.dt, low, high)
     if bounces == 0:
         change = later - flight.force
+        # Flights take all of the change, the plain formula a part c of it: who is flagged
+        # needlessly must end as if it had not been.
         end = step.trial.place[d, i] + linear.place_change * change
         speed = linear.decay * flight.velocity
         speed += linear.velocity_force * flight.force + linear.velocity_change * change
@@ -121,6 +125,7 @@ def settle_in_box(box: Floats | None, bounces: Bounces | None, step: BlockStep, 
         low, high = box[d]
         for i in range(place.size):
             place[i] = min(max(place[i], low), high)
+        # After the others: these rows are overwritten, whatever the plain formula has made of them.
         for m in range(bounces.which.size):
             place[bounces.which[m]] = bounces.values[m, 0]
             velocity[bounces.which[m]] = bounces.values[m, 1]

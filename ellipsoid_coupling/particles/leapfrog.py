@@ -49,6 +49,7 @@ Floats = NDArray[np.float64]
 def _kick(velocity: Floats, force: Floats, rates: Rates, dt: float) -> None:
     for d in range(velocity.shape[0]):
         for i in range(velocity.shape[1]):
+            # Gamma v of the old velocity, as the paper has it; hence the bound on dt in the module.
             velocity[d, i] += dt * (force[d, i] - rates.damping[d] * velocity[d, i])
 
 
@@ -56,6 +57,7 @@ def _kick(velocity: Floats, force: Floats, rates: Rates, dt: float) -> None:
 def _add_noise(velocity: Floats, noise: Floats | None, rates: Rates, dt: float) -> None:
     if noise is not None:
         for d in range(rates.first_noisy, rates.last_noisy):
+            # Noise has rows for noisy degrees of freedom only, from `first_noisy` on.
             size = rates.amplitude[d] * math.sqrt(dt)
             for i in range(velocity.shape[1]):
                 velocity[d, i] += size * noise[d - rates.first_noisy, i]
@@ -65,6 +67,7 @@ def _add_noise(velocity: Floats, noise: Floats | None, rates: Rates, dt: float) 
 def _move(place: Floats, velocity: Floats, dt: float) -> None:
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
+            # By the new velocity: both by old ones would be Euler's rule, which gains energy.
             place[d, i] += dt * velocity[d, i]
 
 
@@ -80,6 +83,7 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     note_block_forces(k, work)
     state, rates, limits = work.state, work.rates, work.limits
     place, velocity = state.place[k], state.velocity[k]
+    # The ways from here tell who leaves the mesh and who meets an edge.
     before = places_before(limits.mesh, place)
     start = places_before(limits.edges, place)
     _kick(velocity, state.force[k], rates, dt)
@@ -87,7 +91,9 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     _move(place, velocity, dt)
     bounce(limits.box, place, velocity)
     straight_at_edges(limits.edges, state, k, start, (t, dt))
+    # Those that are born within the step have moved with the fluid: not once more with the others.
     feed(state, k, limits, t + dt)
+    # Before places are wrapped, which breaks the straight way from `before`.
     freeze(state, k, limits, before)
     wrap_places(limits.periods, place)
     # Of the place: it is not finite as soon as the velocity is not.
@@ -104,6 +110,7 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
         t = clock[TIME]
         if until - t <= 0.0 or clock[STATUS] != RUNNING:
             return
+        # Equal ones, so that no sliver is left before a save time.
         dt = equal_steps(until - t, longest)
         # Two passes only where blocks act on each other in between; else each block is in cache for both.
         if work.interacts:

@@ -31,16 +31,16 @@ class LinearStep(NamedTuple):
     correction is place_missed times the force's change, of which place_change is corrected.
     """
 
-    decay: float
-    place_velocity: float
-    place_force: float
-    place_change: float
-    place_missed: float
-    velocity_force: float
-    velocity_change: float
-    place_noise: float
-    shared_noise: float
-    own_noise: float
+    decay: float  # e^{-z}
+    place_velocity: float  # dt phi1
+    place_force: float  # dt^2 phi2
+    place_change: float  # c dt^2 phi3, c of `exponential`
+    place_missed: float  # dt^2 phi3
+    velocity_force: float  # dt phi1
+    velocity_change: float  # dt phi2
+    place_noise: float  # Var(R_n)^(1/2)
+    shared_noise: float  # Cov(R_n, W_n)/Var(R_n)^(1/2)
+    own_noise: float  # what is left of Var(W_n)
 
 
 @kernel
@@ -85,6 +85,7 @@ def linear_step(damping: float, noise: float, dt: float) -> LinearStep:
     # The correction's damping of the energy is that of the scheme; see `exponential` on c = 1 - e^{-z}.
     corrected = z * phi1 if noise > 0.0 or damping == 0.0 else 1.0
     if noise > 0.0:
+        # Var(W_n) = A^2 (1 - e^{-2z})/(2 Gamma), Cov(R_n, W_n) = A^2 (1 - e^{-z})^2/(2 Gamma^2).
         velocity_variance = noise * noise * dt * phi_functions(2.0 * z)[0]
         covariance = 0.5 * (noise * dt * phi1) ** 2
         spread = noise * math.sqrt(dt**3 * place_variance(z))
@@ -111,6 +112,7 @@ def noise_of(
     """R_n and W_n of one degree of freedom; without noise no memory is touched."""
     if noise is None or not rates.first_noisy <= d < rates.last_noisy:
         return 0.0, 0.0
+    # Two rows of normal numbers for each noisy degree of freedom.
     component = d - rates.first_noisy
     first = noise[2 * component, i]
     second = noise[2 * component + 1, i]

@@ -56,6 +56,7 @@ def own_clock(
     _, degrees, number = one.place.shape
     shape = (tried, degrees, number)
     trial = Trial(np.empty(shape), np.empty(shape))
+    # Pairs of a realisation are part of its own forces: no block acts on another one.
     return OwnClock(Work(one, forces, False, rates, limits, trial, new_outcome(1, degrees)))
 
 
@@ -72,6 +73,7 @@ def advance_own_clocks(
 
     state : with a row of clock for each realisation
     """
+    # Realisations take different numbers of steps: each thread takes the next one when it is free.
     for_each(
         len(state.place),
         lambda k: stepper.advance_own(k, state, forces, rates, limits, until, steps),

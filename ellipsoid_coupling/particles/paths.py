@@ -119,6 +119,7 @@ def _later(path: Path, t: float) -> tuple[Vector, Vector]:
     """Place and velocity at t, the latter without noise."""
     z = path.damping * t
     phi1, phi2, phi3 = phi_functions(z)
+    # The exact solution for a force f + s t, as in `exponential`.
     decay, push, change = math.exp(-z), t * phi2, t * t * phi3
     (x, y), (vx, vy), (fx, fy), (sx, sy) = path.place, path.velocity, path.force, path.slope
     place = (
@@ -143,11 +144,15 @@ def _moved(path: Path, t: float, place: Vector, velocity: Vector) -> Path:
 def _bend(path: Path, t: float) -> float:
     """A bound of how far the path is from the straight way to its place at t."""
     gamma = path.damping
+    # A path is off its chord by t^2/8 max |r''| at most, and with Gamma = damping
+    #     r'' = e^{-Gamma t} (f - Gamma v) + s (1 - e^{-Gamma t})/Gamma.
     fastest = 0.125 * t * t
     if gamma * gamma * fastest > 1.0:
+        # The first term dies away: all that it ever does to the place is its size at 0 over Gamma^2.
         fastest = 1.0 / (gamma * gamma)
     lasting = t if gamma * t < 1.0 else 1.0 / gamma
     (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    # Bounds of lengths that take no root.
     push = abs(fx - gamma * vx) + abs(fy - gamma * vy)
     return fastest * push + 0.125 * t * t * lasting * (abs(sx) + abs(sy))
 
@@ -156,12 +161,15 @@ def _bend(path: Path, t: float) -> float:
 def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
     """The longest half, quarter, ... of what is left that few cells hold and that is nearly straight."""
     t, size = left, 1.0 / edges.per_length
+    # Columns 0 to -1 are none.
     place, velocity, columns, rows = path.place, path.velocity, (0, -1), (0, -1)
     for _ in range(_MOST_HALVINGS):
         place, velocity = _later(path, t)
+        # A place that is no number lies in no cell; the stepper reports it.
         if not abs(place[0]) + abs(place[1]) < np.inf:
             break
         bend = _bend(path, t)
+        # The rectangle about both ends holds the straight way; the path is off it by the bend.
         rim = bend + 4.0 * edges.margin
         low, high = min(path.place[0], place[0]) - rim, max(path.place[0], place[0]) + rim
         columns = column_of(edges, low), column_of(edges, high)
@@ -178,10 +186,13 @@ def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
 def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> float:
     """When the path comes to edge e, of whose line it is `gap` away; infinite if it does not."""
     line = edges.lines[e]
+    # The fluid lies on the left of an edge, and there the normal points.
     nx, ny = -line[ALONG_Y], line[ALONG_X]
     (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    # Ways end a gap before the line: this is the coordinate's wall at 0.
     above = gap - line[GAP]
     flight = Flight(
+        # Where a way has ended, rounding decides on which side of 0 it is: it is at it.
         0.0 if gap < _AT_THE_GAP * line[GAP] else above,
         nx * vx + ny * vy,
         nx * fx + ny * fy,
@@ -192,10 +203,12 @@ def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> floa
     _, beyond = first_exit(flight, part.time, 0.0, np.inf)
     if beyond == 0.0:
         return np.inf
+    # It stands at the edge and moves against it, so that no time has to be searched.
     at_once = flight.place == 0.0 and flight.velocity + flight.noise <= 0.0
     t = 0.0 if at_once else time_of(flight, 0.0, False, beyond)
     x, y = _later(path, t)[0]
     along = line[ALONG_X] * (x - line[X]) + line[ALONG_Y] * (y - line[Y])
+    # Longer by the margin: no path slips through between two edges.
     within = -edges.margin <= along <= line[LENGTH] + edges.margin
     return t if within else np.inf
 
@@ -208,12 +221,14 @@ def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> 
     if not after < before:
         return np.inf
     (x, y), (end_x, end_y) = path.place, part.place
+    # Who crosses an edge from its own side has the edge's start on the right and its end on the left.
     dx, dy = end_x - x, end_y - y
     ax, ay = line[X] - x, line[Y] - y
     bx, by = ax + line[LENGTH] * line[ALONG_X], ay + line[LENGTH] * line[ALONG_Y]
     wide = edges.margin * (abs(dx) + abs(dy))
     if dx * ay - dy * ax > wide or dx * by - dy * bx < -wide:
         return np.inf
+    # 0 for a way that begins nearer than where ways end.
     return float(part.time * max(0.0, (before - line[GAP]) / (before - after)))
 
 
@@ -223,6 +238,7 @@ def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
     line = edges.lines[e]
     nx, ny = -line[ALONG_Y], line[ALONG_X]
     before = nx * (path.place[0] - line[X]) + ny * (path.place[1] - line[Y])
+    # From behind it is no wall. A thin plate is two edges, one for either side.
     if before < 0.0:
         return np.inf
     after = nx * (part.place[0] - line[X]) + ny * (part.place[1] - line[Y])
@@ -235,6 +251,7 @@ def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
     t = _meets(edges, e, path, part, before)
     if t < np.inf or after >= nearest:
         return t
+    # Behind the line without having met the edge: rounding at one of its ends, or a bend, let it pass.
     return _crosses(edges, e, path, part, (before, after))
 
 
@@ -248,6 +265,7 @@ def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
             for member in range(edges.first[cell], edges.first[cell + 1]):
                 e = edges.members[member]
                 t = _edge_time(edges, e, path, part)
+                # Of two that are met at one time the one that comes first in the cells, always the same.
                 if t < first:
                     found, first = e, t
     return found, first
@@ -277,6 +295,7 @@ def _reflected(edges: EdgeGrid, path: Path, edge: int) -> Path:
     normal = edge_normal(edges, edge)
     vx, vy = _mirrored(path.velocity, normal)
     before, after = math.hypot(path.velocity[0], path.velocity[1]), math.hypot(vx, vy)
+    # A mirror image is as long to rounding only, and roundings of many bounces would add up.
     same = before / after if after > 0.0 and before != after else 1.0
     noise, kick = _mirrored(path.noise, normal), _mirrored(path.kick, normal)
     velocity = vx * same, vy * same
@@ -310,6 +329,7 @@ def _sliding(edges: EdgeGrid, path: Path, edge: int) -> Path:
 def _shifted(edges: EdgeGrid, path: Path, edge: int) -> Path:
     """The path from the opposite periodic side on, where it is to the bit."""
     (x, y), shift, line = path.place, edges.shifts[edge], edges.lines[edge]
+    # From the side's own coordinate: the particle's would land beside the other side by a rounding.
     x = line[X] + shift[0] if shift[0] != 0.0 else x
     y = line[Y] + shift[1] if shift[1] != 0.0 else y
     return Path((x, y), path.velocity, path.force, path.slope, path.noise, path.kick, path.damping)
@@ -328,12 +348,14 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
     A path of more parts than anybody can mean stays where it is for the rest of the step, with the
     velocity that it has there: that keeps the energy.
     """
+    # `last` is the edge of the last bounce, `since` how long ago that was.
     left, last, since, first, corner = time, -1, 0.0, -1, False
     for _ in range(_MOST_PARTS):
         part = _next_part(edges, path, left)
         edge, t = _first_edge(edges, path, part)
         if edge < 0:
             path = _moved(path, part.time, part.place, part.velocity)
+            # The last part is all that is left: the difference is then 0 to the bit.
             left, since = left - part.time, since + part.time
             if not left > 0.0:
                 return _with_kick(path, time, -1, first, corner)
@@ -345,9 +367,11 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
             path, last = _shifted(edges, path, edge), -1
             continue
         first = edge if first < 0 else first
+        # Edges of one direction, as two walls of a channel, have one normal up to its sign.
         corner |= not _parallel(edges, first, edge)
         if edges.acts[edge] == ENDS:
             return _with_kick(path, time - left, edge, first, corner)
+        # Before it slides: the speed across that is kept then leads away from the wall.
         path = _reflected(edges, path, edge)
         if edge == last and since < _HOP * time:
             path = _sliding(edges, path, edge)

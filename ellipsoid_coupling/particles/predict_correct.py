@@ -39,6 +39,7 @@ def _predict(step: BlockStep, d: int, linear: LinearStep) -> None:
         step.state.force[k, d],
     )
     for i in range(place.size):
+        # One degree of freedom at a time: its row is contiguous, and its coefficients are the same for all.
         trial[i] = place[i] + linear.place_velocity * velocity[i] + linear.place_force * force[i]
 
 
@@ -48,6 +49,7 @@ def _add_place_noise(
 ) -> None:
     if noise is not None and rates.first_noisy <= d < rates.last_noisy:
         for i in range(place.size):
+            # The drift is wanted where the step leads, noise and all.
             place[i] += noise_of(noise, d, rates, linear, i)[0]
 
 
@@ -78,6 +80,7 @@ def _correct(step: BlockStep, d: int, linear: LinearStep) -> None:
             + linear.velocity_force * force[i]
             + linear.velocity_change * change
         )
+        # The drift at the trial stands for that at the new place: one evaluation a step.
         force[i] = later[i]
 
 
@@ -89,8 +92,10 @@ def predict_step(step: BlockStep, limits: Limits) -> None:
         linear = linear_step(rates.damping[d], rates.amplitude[d], step.dt)
         _predict(step, d, linear)
         _add_place_noise(step.noise, d, rates, linear, trial.place[d])
+    # After the plain formula, of which those at walls overwrite their own.
     predict_in_box(limits.box, step)
     predict_at_edges(limits.edges, step)
+    # Last: edges and walls are met on ways that no side has cut.
     wrap_places(limits.periods, trial.place)
 
 
@@ -99,13 +104,18 @@ def accept_step(step: BlockStep, limits: Limits) -> None:
     """Finish the step of a block that its trial predicts, in place; its clock is at the step's end."""
     state, k, rates = step.state, step.k, step.rates
     before = places_before(limits.mesh, state.place[k])
+    # The trial is wrapped, the place before is in the domain: the way between them may cross a side.
     _unwrap(limits.periods, before, step)
+    # Paths begin with the old place, velocity and force, which `_correct` overwrites.
     ends = ends_at_edges(limits.edges, step)
     for d in range(len(step.trial.place)):
         linear = linear_step(rates.damping[d], rates.amplitude[d], step.dt)
+        # Likewise.
         bounces = bounces_in_box(limits.box, step, d, linear)
         _correct(step, d, linear)
+        # Not before, for the correction damps the velocity, and W_n is damped already.
         _add_velocity_noise(step.noise, d, rates, linear, state.velocity[k, d])
+        # After the noise, which a bounced velocity has in it already, turned round.
         settle_in_box(limits.box, bounces, step, d)
     t = state.clock[0, TIME]
     settle(limits.edges, ends, state, k, t - step.dt)

@@ -108,6 +108,7 @@ def advance_shared_clock(
     state : with one row of clock
     """
     blocks, degrees, size = state.place.shape
+    # As large as the state: none for a stepper that tries nothing.
     shape = (len(Trial._fields), blocks if stepper.tries else 0, degrees, size)
     # A new array of this size would be given to the process page by page, in each call.
     trial = Trial(*forces.workspace.array("trial", shape, np.float64))

@@ -175,6 +175,7 @@ class Limits(NamedTuple):
 @kernel
 def realisation(state: ParticleState, k: int) -> ParticleState:
     """Realisation k alone, as views: the axis of realisations stays, with length 1."""
+    # Slices keep the axis, so that one kernel serves one realisation and many.
     one = slice(k, k + 1)
     place, velocity, force, clock = state.place, state.velocity, state.force, state.clock
     return ParticleState(
@@ -239,6 +240,7 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
 @kernel
 def largest_forces(force: Floats) -> tuple[float, float]:
     """The largest |F_x| or |F_y| and |F_bar| of forces (D, N)."""
+    # Where nothing turns there is no third row.
     torque = largest_size(force[ANGLE]) if force.shape[0] > ANGLE else 0.0
     return max(largest_size(force[X]), largest_size(force[Y])), torque
 
@@ -256,6 +258,7 @@ def all_finite(place: Floats) -> bool:
     bad = 0
     for d in range(place.shape[0]):
         for i in range(place.shape[1]):
+            # 0 times infinity or NaN is NaN. A sum has no branch, so that the loop vectorises.
             bad += 0.0 * place[d, i] != 0.0
     return bad == 0
 
@@ -266,6 +269,7 @@ def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
     if box is not None:
         for d in range(2):
             for i in range(place.shape[1]):
+                # Sides that do not reflect are infinitely far.
                 place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
                 velocity[d, i] *= sign
 
@@ -276,4 +280,5 @@ def wrap_places(periods: Floats | None, place: Floats) -> None:
     if periods is not None:
         for d in range(2):
             for i in range(place.shape[1]):
+                # Along an axis that is not periodic the period is infinite, and nothing is shifted.
                 place[d, i] = wrap(place[d, i], periods[d, 0], periods[d, 1])

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def _add_torque(force: Floats, i: int, slope: float, weight: float | None) -> None:
+    # A function of its own: numba leaves out what stands behind `is not None` for arguments only.
     if weight is not None:
         force[2, i] -= weight * slope
 
@@ -40,11 +41,13 @@ def add_ghost_forces(place: Floats, ghosts: Sources, pairs: Pairs, force: Floats
     force_weight = pairs.force_weight * pairs.ghost_factor
     for i in range(place.shape[1]):
         cell = cell_index(place[0, i], place[1, i], grid)
+        # Particles are not sorted here: what was gathered serves as long as the cell stays the same.
         if cell != gathered:
             column, row = cell % grid.columns, cell // grid.columns
             count = gather(ghosts, column, row, grid, runs, buffer)
             gathered = cell
         if count > 0:
+            # Where nothing turns only circles interact, which have any axis.
             double = 2.0 * place[2, i] if place.shape[0] == 3 else 0.0
             c2, s2 = cos_sin(double)
             target = (place[0, i], place[1, i], c2, s2)

@@ -66,6 +66,7 @@ class LargeCloud:
         for_each(len(self._parts), own)
         if self._sum is not None:
             self._add_pairs(self._sum, place[0], force[0], frozen)
+        # Last, for fluid and potentials have pushed frozen ones as well.
         still_frozen(frozen, force[0])
 
     def _add_pairs(
@@ -113,6 +114,7 @@ class PairSum:
 
 
 def _tasks(number: int) -> int:
+    # By the number of particles alone, and not of threads: the order of sums follows from it.
     return min(CLOUD_TASKS, max(number // PARTICLES_PER_TASK, 1))
 
 
@@ -122,7 +124,9 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
     A block has two rows at least, so that what it adds to the rows above it belongs to the next one. The
     last block may have one, unless rows above it are the first ones.
     """
+    # How many particles lie in the rows before each row.
     until = sources.first[:: grid.columns]
+    # With a last block of one row, the two rows above the block before it would be the last and the first.
     last = grid.rows - (2 if grid.period_y > 0.0 else 1)
     number = int(until[-1])
     # Row numbers at which the running count of particles passes even parts of all.

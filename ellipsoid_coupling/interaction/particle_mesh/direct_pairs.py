@@ -66,6 +66,7 @@ class SamplePairs:
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, as `SampleInteraction.add_forces`."""
         blocks, degrees, size = place.shape
+        # All blocks are one cloud: samples of one density know no blocks.
         x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
         double = 2.0 * angle[0] if angle else np.zeros_like(x)
         grid = self._grid
@@ -75,6 +76,7 @@ class SamplePairs:
         for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
         # Back from the order of the cells to that of the samples.
         sums = sums[:, rank]
+        # Each of S samples has the mass 1/S.
         scale = -self._strength / x.size
         for d in range(degrees):
             weight = scale * (weights[1] if d == 2 else weights[0])
@@ -100,6 +102,7 @@ def _sum_row(
         if own.first[cell] == own.first[cell + 1]:
             continue
         count = gather(own, column, row, grid, runs, buffer)
+        # Each pair is met from both sides: twice the work, and no sums of other rows to add up.
         for t in range(own.first[cell], own.first[cell + 1]):
             here = own.records[t]
             target = (here[X], here[Y], here[C2], here[S2])

@@ -103,9 +103,11 @@ def affordable_harmonics(samples: Samples) -> int:
         return most
     grown = [math.sqrt(start * size) for start, size in zip(samples.start, sizes, strict=True)]
     disc = math.pi * reach**2
+    # In a cloud smaller than the disc all are within reach of each other.
     pairs = samples.number**2 * disc / max(grown[0] * grown[1], disc)
     if pairs <= _FEW_PAIRS:
         return -1
+    # Transforms are padded by the reach, so that no image is felt.
     points = math.prod((size + reach) / h for size in grown)
     while most >= 0 and _work(2 * most + 1, points) > pairs:
         most -= 1
@@ -115,6 +117,7 @@ def affordable_harmonics(samples: Samples) -> int:
 
 def _work(functions: int, points: float) -> float:
     """Of one evaluation, in pairs: transforms there and back, and a block a frequency."""
+    # A quarter of the frequencies: fields are real, and ky >= 0 tells the others.
     return POINT_COST * 2 * functions * points + ENTRY_COST * functions**2 * points / 4
 
 

@@ -17,7 +17,6 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
     S2,
     CellGrid,
-    Interval,
     Sources,
     X,
     Y,
@@ -26,6 +25,7 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     sort_by_cell,
 )
 from ellipsoid_coupling.interaction.pairs.pair_sum import scratch, sum_over_sources
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.physics.potential import PotentialShape
 
 
@@ -34,13 +34,11 @@ class SamplePairs:
 
     Parameters
     ----------
-    x_range, y_range : (low, high)
+    region : Region
         Where the cells of the neighbour search lie; samples beyond interact as well.
     shape : PotentialShape
     strength : float
         eps0.
-    periods : (bool, bool)
-        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -52,15 +50,8 @@ class SamplePairs:
     harmonics = 0
     nodes_per_width = 0.0
 
-    def __init__(
-        self,
-        x_range: Interval,
-        y_range: Interval,
-        shape: PotentialShape,
-        strength: float,
-        periods: tuple[bool, bool] = (False, False),
-    ) -> None:
-        self._grid = cell_grid(x_range, y_range, shape.reach, periods)
+    def __init__(self, region: Region, shape: PotentialShape, strength: float) -> None:
+        self._grid = cell_grid(region.x_range, region.y_range, shape.reach, region.periods)
         self._shape, self._strength = shape, strength
 
     def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:

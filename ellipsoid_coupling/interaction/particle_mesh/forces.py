@@ -53,12 +53,7 @@ from ellipsoid_coupling.interaction.convolution.fft_lengths import FittedSpectra
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import POTENTIAL, AngularKernel
 from ellipsoid_coupling.interaction.convolution.spectra import Real, precision_for
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.pairs.cells import Interval
-from ellipsoid_coupling.interaction.particle_mesh.folding import (
-    Folding,
-    Periods,
-    fitting_spacing,
-)
+from ellipsoid_coupling.interaction.particle_mesh.folding import Folding, fitting_spacing
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     MOST_ENTRIES,
     MOST_HARMONICS,
@@ -66,6 +61,7 @@ from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     most_harmonics,
     nodes_per_width,
 )
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.particle_mesh.splines import (
     STENCIL,
     Nodes,
@@ -84,12 +80,12 @@ _TAIL = 12
 class SampleInteraction:
     """Forces among the samples of a density.
 
-    Samples outside `x_range` x `y_range` neither act nor feel anything. The same bits come out for
-    any number of threads.
+    Samples outside the region neither act nor feel anything. The same bits come out for any number of
+    threads.
 
     Parameters
     ----------
-    x_range, y_range : (low, high)
+    region : Region
     shape : PotentialShape
     width : float
         The particles' width D, which the potential's steepness goes with.
@@ -99,8 +95,6 @@ class SampleInteraction:
         Of force and torque, see above.
     most : int
         So many harmonics may be taken.
-    periods : (bool, bool)
-        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -122,31 +116,30 @@ class SampleInteraction:
 
     def __init__(
         self,
-        x_range: Interval,
-        y_range: Interval,
+        region: Region,
         shape: PotentialShape,
         width: float,
         strength: float,
         tolerance: float,
         most: int = MOST_HARMONICS,
-        periods: Periods = (False, False),
     ) -> None:
-        h = _spacing(x_range, y_range, width / nodes_per_width(shape, width, tolerance), periods)
+        h = _spacing(region, width / nodes_per_width(shape, width, tolerance))
         self.nodes_per_width = width / h
-        area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0])
+        area = region.width * region.height
         # Bounded before the series is searched: a long search takes minutes.
         most = min(most, most_harmonics(area / h**2, shape.reach / h))
         _require(most >= 0, shape, tolerance)
-        self.nodes = _cover(x_range, y_range, h)
+        self.nodes = _cover(region, h)
         series = angular_series(shape, h, (1.0 - SPLINE_PART) * tolerance, most)
         _require(series is not None, shape, tolerance)
+        # `_require` has raised, which a type checker does not see.
         assert series is not None
         self.harmonics = series.harmonics
         self.precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
         kernel = AngularKernel(series, strength / h**2, self.precision, POTENTIAL, _undo_splines)
-        self._folding = Folding((self.nodes.rows, self.nodes.columns), periods)
-        spectra = FittedSpectra(self._folding.own, kernel.cells + _TAIL, kernel, periods)
+        self._folding = Folding((self.nodes.rows, self.nodes.columns), region.periods)
+        spectra = FittedSpectra(self._folding.own, kernel.cells + _TAIL, kernel, region.periods)
         rows, columns = spectra.longest
         bytes_each = np.dtype(self.precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
@@ -200,7 +193,7 @@ def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:
         )
 
 
-def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -> float:
+def _spacing(region: Region, h: float) -> float:
     """The nodes' spacing, up to `h`.
 
     Raises
@@ -208,8 +201,8 @@ def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -
     InputError
         If none divides both periods.
     """
-    width, height = x_range[1] - x_range[0], y_range[1] - y_range[0]
-    found = fitting_spacing(width, height, h, periods)
+    width, height = region.width, region.height
+    found = fitting_spacing(width, height, h, region.periods)
     if found is None:
         raise InputError(
             "interaction of samples by harmonics",
@@ -220,12 +213,11 @@ def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -
     return found
 
 
-def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:
+def _cover(region: Region, h: float) -> Nodes:
     """Nodes such that every point of the rectangle lies between the inner two of four."""
-    columns, rows = (
-        math.ceil((high - low) / h - 1e-9) + STENCIL for low, high in (x_range, y_range)
-    )
-    return Nodes(x_range[0] - h, y_range[0] - h, 1.0 / h, rows, columns)
+    # A side of a whole number of spacings gets none more for a rounding.
+    columns, rows = (math.ceil(size / h - 1e-9) + STENCIL for size in (region.width, region.height))
+    return Nodes(region.x_range[0] - h, region.y_range[0] - h, 1.0 / h, rows, columns)
 
 
 def _undo_splines(length: int) -> Array:

@@ -66,8 +66,6 @@ from ellipsoid_coupling.scenes.kinds import Record
 Floats = NDArray[np.float64]
 Limit = CellwiseLimit | ExtremesLimit
 
-# Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
-_NEWTON_STEPS = 4
 # Cells of a block where the drift is kept: a row of most grids. Shorter ones cost calls, 60 ns each;
 # 128 and 256 take 15 to 25 % longer on 1600 x 1600 cells.
 _LONG_BLOCK = 1024

@@ -31,7 +31,7 @@ NOWHERE = (0.0, 0.0)
 
 
 class Ends(NamedTuple):
-    """Where the paths of some particles lead: indices (m,); and place, velocity, time, edge (m, 6)."""
+    """Where the paths of some particles lead: indices (m,); and position, velocity, time, edge (m, 6)."""
 
     which: Indices
     values: Floats
@@ -43,7 +43,11 @@ def _way(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Way:
     velocity, force, k = step.state.velocity, step.state.force, step.k
     # t phi1, t^2 phi2 and t^3 phi3 all rise with t, whatever the damping: that makes it a bound. The change
     # counts in full, as it does in `_path`.
-    by_velocity, by_force, missed = linear.place_velocity, linear.place_force, linear.place_missed
+    by_velocity, by_force, missed = (
+        linear.position_velocity,
+        linear.position_force,
+        linear.position_missed,
+    )
     change_x, change_y = later[0, i] - force[k, 0, i], later[1, i] - force[k, 1, i]
     return Way(
         (by_velocity * velocity[k, 0, i], by_velocity * velocity[k, 1, i]),
@@ -61,10 +65,10 @@ def _flag(
     edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearStep, flags: Flags
 ) -> None:
     """Flag those that may come to an edge, as far as one look-up tells."""
-    place, k = step.state.place, step.k
+    position, k = step.state.position, step.k
     for i in range(flags.size):
         way = _way(step, later, linear, i)
-        flags[i] = leaves_support(edges, place[k, 0, i], place[k, 1, i], way)
+        flags[i] = leaves_support(edges, position[k, 0, i], position[k, 1, i], way)
 
 
 @kernel
@@ -74,13 +78,13 @@ def _may_meet(edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearSte
     Not those whose way is not a number: the steppers report these themselves.
     """
     state, k = step.state, step.k
-    flags = np.empty(state.place.shape[2], np.uint8)
+    flags = np.empty(state.position.shape[2], np.uint8)
     _flag(edges, step, later, linear, flags)
     which, count = flagged(flags), 0
     for i in which:
         # `count` never passes the index that is read, so that the list is shortened in place.
         if takes_part(state.frozen, k, i):
-            x, y = state.place[k, 0, i], state.place[k, 1, i]
+            x, y = state.position[k, 0, i], state.position[k, 1, i]
             if may_meet_edge(edges, x, y, _way(step, later, linear, i)):
                 which[count] = i
                 count += 1
@@ -91,12 +95,12 @@ def _may_meet(edges: EdgeGrid, step: BlockStep, later: Floats, linear: LinearSte
 def _path(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Path:
     """The path of a particle in a step in which the force becomes `later` (D, B)."""
     k, dt = step.k, step.dt
-    place, velocity, force = step.state.place, step.state.velocity, step.state.force
+    position, velocity, force = step.state.position, step.state.velocity, step.state.force
     # R_n and W_n of either direction: the first moves the particle, the second is added at the end.
     right, across = noise_of(step.noise, 0, step.rates, linear, i)
     up, along = noise_of(step.noise, 1, step.rates, linear, i)
     return Path(
-        (place[k, 0, i], place[k, 1, i]),
+        (position[k, 0, i], position[k, 1, i]),
         (velocity[k, 0, i], velocity[k, 1, i]),
         (force[k, 0, i], force[k, 1, i]),
         ((later[0, i] - force[k, 0, i]) / dt, (later[1, i] - force[k, 1, i]) / dt),
@@ -110,13 +114,15 @@ def _path(step: BlockStep, later: Floats, linear: LinearStep, i: int) -> Path:
 
 @kernel
 def predict_at_edges(edges: EdgeGrid | None, step: BlockStep) -> None:
-    """Predict anew what may come to an edge: a place in the fluid, or where it would end."""
+    """Predict anew what may come to an edge: a position in the fluid, or where it would end."""
     if edges is not None:
         linear = linear_step(step.rates.damping[0], step.rates.amplitude[0], step.dt)
-        force, place = step.state.force[step.k], step.trial.place
+        force, position = step.state.force[step.k], step.trial.position
         # A prediction takes a constant drift: the force at the end is that at the start.
         for i in _may_meet(edges, step, force, linear):
-            place[0, i], place[1, i] = follow(edges, _path(step, force, linear, i), step.dt).place
+            position[0, i], position[1, i] = follow(
+                edges, _path(step, force, linear, i), step.dt
+            ).position
 
 
 @kernel
@@ -126,15 +132,15 @@ def _scheme_path(path: Path, linear: LinearStep, dt: float, normal: tuple[float,
     All of the change is taken along `normal`, that of a wall which is met, or NOWHERE.
     """
     # The c of `exponential`: less than 1 with noise, 0 where nothing damps.
-    part = linear.place_change / linear.place_missed
+    part = linear.position_change / linear.position_missed
     (sx, sy), (kx, ky) = path.slope, path.kick
     across = normal[0] * sx + normal[1] * sy
     left_x = (1.0 - part) * (sx - across * normal[0])
     left_y = (1.0 - part) * (sy - across * normal[1])
-    # Only the place takes a part of the change; the velocity gets what the slope has lost of it.
+    # Only the position takes a part of the change; the velocity gets what the slope has lost of it.
     slope = sx - left_x, sy - left_y
     kick = kx + linear.velocity_change * dt * left_x, ky + linear.velocity_change * dt * left_y
-    return Path(path.place, path.velocity, path.force, slope, path.noise, kick, path.damping)
+    return Path(path.position, path.velocity, path.force, slope, path.noise, kick, path.damping)
 
 
 @kernel
@@ -142,7 +148,7 @@ def _corrected(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> En
     """Where a path leads that may come to an edge; along the edge, or without one, as the plain formula."""
     end = follow(edges, path, dt)
     # Between edges of two directions no normal holds for all of the way: the first path stays.
-    if linear.place_change != linear.place_missed and not end.corner:
+    if linear.position_change != linear.position_missed and not end.corner:
         normal = edge_normal(edges, end.first) if end.first >= 0 else NOWHERE
         end = follow(edges, _scheme_path(path, linear, dt, normal), dt)
     return end
@@ -150,7 +156,7 @@ def _corrected(edges: EdgeGrid, path: Path, linear: LinearStep, dt: float) -> En
 
 @kernel
 def _kept(values: Floats, end: End) -> None:
-    values[0], values[1] = end.place
+    values[0], values[1] = end.position
     values[2], values[3] = end.velocity
     values[4], values[5] = end.time, end.edge
 
@@ -176,10 +182,10 @@ def settle(
 ) -> None:
     """Put particles of block k where their paths lead, from the time t on; some of them for ever."""
     if edges is not None and ends is not None:
-        place, velocity = state.place[k], state.velocity[k]
+        position, velocity = state.position[k], state.velocity[k]
         for m in range(ends.which.size):
             i, values = ends.which[m], ends.values[m]
-            place[0, i], place[1, i] = values[0], values[1]
+            position[0, i], position[1, i] = values[0], values[1]
             velocity[0, i], velocity[1, i] = values[2], values[3]
             # A double holds any number of an edge exactly.
             edge = int(values[5])
@@ -218,17 +224,17 @@ def _clear_noise(noise: Floats | None, k: int, i: int) -> None:
 
 
 @inline_kernel
-def _straight(before: Floats, place: Floats, i: int) -> Way:
-    """The straight way from places (2, B) to others (D, B)."""
-    moved = place[0, i] - before[0, i], place[1, i] - before[1, i]
+def _straight(before: Floats, position: Floats, i: int) -> Way:
+    """The straight way from positions (2, B) to others (D, B)."""
+    moved = position[0, i] - before[0, i], position[1, i] - before[1, i]
     return Way(moved, NOWHERE, NOWHERE, NOWHERE)
 
 
 @kernel(noalias=True)
-def _flag_straight(edges: EdgeGrid, before: Floats, place: Floats, flags: Flags) -> None:
+def _flag_straight(edges: EdgeGrid, before: Floats, position: Floats, flags: Flags) -> None:
     """As `_flag`."""
     for i in range(flags.size):
-        way = _straight(before, place, i)
+        way = _straight(before, position, i)
         flags[i] = leaves_support(edges, before[0, i], before[1, i], way)
 
 
@@ -242,16 +248,16 @@ def straight_at_edges(
 ) -> None:
     """Bounce particles of block k off edges on their straight ways from `before`, or end them, in place.
 
-    before : (2, N), the places at the start of the step; times : when that was, and the step's length.
+    before : (2, N), the positions at the start of the step; times : when that was, and the step's length.
     """
     if edges is not None and before is not None:
         t, dt = times
-        place, velocity = state.place[k], state.velocity[k]
+        position, velocity = state.position[k], state.velocity[k]
         # Written anew for each of the few that are left.
-        flags, values = np.empty(place.shape[1], np.uint8), np.empty((1, 6))
-        _flag_straight(edges, before, place, flags)
+        flags, values = np.empty(position.shape[1], np.uint8), np.empty((1, 6))
+        _flag_straight(edges, before, position, flags)
         for i in flagged(flags):
-            way, (x, y) = _straight(before, place, i), (before[0, i], before[1, i])
+            way, (x, y) = _straight(before, position, i), (before[0, i], before[1, i])
             if takes_part(state.frozen, k, i) and may_meet_edge(edges, x, y, way):
                 speed = way.velocity[0] / dt, way.velocity[1] / dt
                 # What the velocity has besides that of the way is turned round with it.
@@ -298,11 +304,11 @@ def _place_newborn(
     """Slot j of block k, where = (k, j), as old as `age`."""
     k, j = where
     i = births.first + j
-    born, moving = births.place[k, :, j], births.velocity[k, :, j]
+    born, moving = births.position[k, :, j], births.velocity[k, :, j]
     state.velocity[k, :, i], state.force[k, :, i] = moving, births.force[k, :, j]
     for d in range(2, born.size):
         # The angle meets no edge.
-        state.place[k, d, i] = born[d] + age * moving[d]
+        state.position[k, d, i] = born[d] + age * moving[d]
     path = Path((born[0], born[1]), (moving[0], moving[1]), NOWHERE, NOWHERE, NOWHERE, NOWHERE, 0.0)
     values = np.empty((1, 6))
     # Since its birth it may have come to a wall beside the inlet, or have left again.
@@ -316,5 +322,5 @@ def _hold_unborn(noise: Floats | None, births: Births, state: ParticleState, k: 
     if noise is not None:
         for j in range(births.born[k], births.time.shape[1]):
             i = births.first + j
-            state.place[k, :, i] = births.place[k, :, j]
+            state.position[k, :, i] = births.position[k, :, j]
             state.velocity[k, :, i] = 0.0

@@ -148,8 +148,8 @@ def over_blocks(group: Group, task: Callable[..., None], arguments: tuple[object
 
 
 @chosen_by_type
-def interact(group: Group, t: float, place: Floats, force: Floats) -> None:
-    """Add what blocks do to each other at the time t to the drift (K, D, B) at `place`."""
+def interact(group: Group, t: float, position: Floats, force: Floats) -> None:
+    """Add what blocks do to each other at the time t to the drift (K, D, B) at `position`."""
 
 
 @kernel
@@ -160,9 +160,9 @@ def new_outcome(blocks: int, degrees: int) -> Outcome:
 
 @kernel
 def set_block(k: int, work: Work, t: float) -> None:
-    """Set what acts within block k, at its place and the time t."""
+    """Set what acts within block k, at its position and the time t."""
     state = work.state
-    set_block_forces(work.forces, t, state.place[k], state.force[k], frozen_row(state.frozen, k))
+    set_block_forces(work.forces, t, state.position[k], state.force[k], frozen_row(state.frozen, k))
 
 
 @kernel

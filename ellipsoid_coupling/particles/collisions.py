@@ -92,7 +92,7 @@ def contact_of(
 
 
 def highest(shape: PotentialShape) -> float:
-    """U/eps0 of particles in one place: sqrt(kappa) of parallel ones."""
+    """U/eps0 of particles at one position: sqrt(kappa) of parallel ones."""
     # kappa = 1/(1 - lambda^2), as a product for needles.
     return 1.0 / math.sqrt(shape.bluntness * (1.0 + shape.shape_factor))
 
@@ -108,9 +108,9 @@ def steepest(shape: PotentialShape) -> tuple[float, float]:
 
 
 class Cloud(NamedTuple):
-    """Particles in K blocks: place, velocity, force (K, D, B); frozen and fates as in their state."""
+    """Particles in K blocks: position, velocity, force (K, D, B); frozen and fates as in their state."""
 
-    place: Floats
+    position: Floats
     velocity: Floats
     force: Floats
     frozen: Flags | None = None
@@ -131,9 +131,9 @@ def _moves(rates: Rates, dt: float) -> _Moves:
     # Noise does not enter the two coefficients that are asked for.
     last = linear_step(rates.damping[-1], 0.0, dt)
     return _Moves(
-        (first.place_velocity, last.place_velocity),
-        (first.place_force, last.place_force),
-        first.place_noise,
+        (first.position_velocity, last.position_velocity),
+        (first.position_force, last.position_force),
+        first.position_noise,
     )
 
 
@@ -141,7 +141,7 @@ def _moves(rates: Rates, dt: float) -> _Moves:
 def _matters(pull: Floats, rates: Rates, tolerance: float, dt: float) -> bool:
     """Whether a push that a step misses moves a particle by more than the tolerance."""
     for d in range(pull.size):
-        if linear_step(rates.damping[d], 0.0, dt).place_missed * pull[d] > tolerance:
+        if linear_step(rates.damping[d], 0.0, dt).position_missed * pull[d] > tolerance:
             return True
     return False
 
@@ -170,8 +170,8 @@ def _fitted(number: int, total: int) -> int:
 @kernel
 def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
-    place, velocity, force, frozen, _ = cloud
-    blocks, _, size = place.shape
+    position, velocity, force, frozen, _ = cloud
+    blocks, _, size = position.shape
     total = blocks * size
     means = np.zeros(4)
     count = 0
@@ -181,10 +181,10 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
         if _meets(frozen, k, i):
             count += 1
             for d in range(2):
-                means[d] += place[k, d, i]
+                means[d] += position[k, d, i]
                 move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
                 means[2 + d] += move
-    # Centred first: squares of places far from the origin would cancel in the determinant.
+    # Centred first: squares of positions far from the origin would cancel in the determinant.
     means /= max(count, 1)
     squares, products = np.zeros(3), np.zeros((2, 2))
     for number in range(min(total, _FITTED)):
@@ -192,7 +192,7 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
         k, i = j // size, j % size
         if not _meets(frozen, k, i):
             continue
-        x, y = axes[0] * (place[k, 0, i] - means[0]), axes[1] * (place[k, 1, i] - means[1])
+        x, y = axes[0] * (position[k, 0, i] - means[0]), axes[1] * (position[k, 1, i] - means[1])
         squares[0] += x * x
         squares[1] += x * y
         squares[2] += y * y
@@ -220,7 +220,7 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
 
 @kernel(noalias=True)
 def _square_residuals(
-    place: Floats,
+    position: Floats,
     velocity: Floats,
     force: Floats,
     moves: _Moves,
@@ -231,11 +231,11 @@ def _square_residuals(
     x0, y0, dx0, dy0, xx, xy, yx, yy = motion
     v, f = moves.velocity[0], moves.force[0]
     for i in range(residuals.shape[1]):
-        x, y = place[0, i] - x0, place[1, i] - y0
+        x, y = position[0, i] - x0, position[1, i] - y0
         ex = v * velocity[0, i] + f * force[0, i] - dx0 - xx * x - xy * y
         ey = v * velocity[1, i] + f * force[1, i] - dy0 - yx * x - yy * y
         residuals[0, i] = ex * ex + ey * ey
-    if place.shape[0] == 3:
+    if position.shape[0] == 3:
         v, f = moves.velocity[1], moves.force[1]
         for i in range(residuals.shape[1]):
             # W is the antisymmetric part of A.
@@ -257,12 +257,12 @@ def _residuals(
     cloud: Cloud, moves: _Moves, motion: tuple[float, ...], crowd: bool
 ) -> tuple[float, float]:
     """The largest |e_i| and |dtheta_i - W|, or in a `crowd` their root mean squares."""
-    place, velocity, force, frozen, _ = cloud
-    blocks, _, size = place.shape
+    position, velocity, force, frozen, _ = cloud
+    blocks, _, size = position.shape
     residuals = np.zeros((2, size))
     found = np.zeros(2)
     for k in range(blocks):
-        _square_residuals(place[k], velocity[k], force[k], moves, motion, residuals)
+        _square_residuals(position[k], velocity[k], force[k], moves, motion, residuals)
         _leave_out(frozen, k, residuals)
         for kind in range(2):
             total, largest = sum_and_largest(residuals[kind])
@@ -316,14 +316,14 @@ def _part_at_walls(
     """The part of a step in which no particle that bounces passes a neighbour or a wall's ghost."""
     if box is None:
         return np.inf
-    place, velocity, force, _, _ = cloud
+    position, velocity, force, _, _ = cloud
     most = 0.0
     v, f = moves.velocity[0], moves.force[0]
-    for k in range(place.shape[0]):
+    for k in range(position.shape[0]):
         for d in range(2):
             # A bounce turns a velocity round, which no smooth motion does: here each one's own move counts.
             low, high = box[d, 0] + contact.ghost_reach, box[d, 1] - contact.ghost_reach
-            here, speed, push = place[k, d], velocity[k, d], force[k, d]
+            here, speed, push = position[k, d], velocity[k, d], force[k, d]
             for i in range(here.size):
                 move = v * speed[i] + f * push[i]
                 near = not low <= here[i] + move <= high
@@ -340,13 +340,13 @@ def _part_at_edges(
     if edges is None:
         return np.inf
     most, (v, f) = 0.0, (moves.velocity[0], moves.force[0])
-    for k in range(cloud.place.shape[0]):
-        place, velocity, force = cloud.place[k], cloud.velocity[k], cloud.force[k]
-        for i in range(place.shape[1]):
+    for k in range(cloud.position.shape[0]):
+        position, velocity, force = cloud.position[k], cloud.velocity[k], cloud.force[k]
+        for i in range(position.shape[1]):
             if not _meets(cloud.frozen, k, i):
                 continue
             x, y = v * velocity[0, i] + f * force[0, i], v * velocity[1, i] + f * force[1, i]
-            clear = clearance_at(edges, place[0, i], place[1, i]) - contact.ghost_reach
+            clear = clearance_at(edges, position[0, i], position[1, i]) - contact.ghost_reach
             # A bound of the move's length that takes no root.
             if abs(x) + abs(y) > clear:
                 most = max(most, abs(x), abs(y))

@@ -85,7 +85,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def _trial_of(trial: Trial, k: int) -> Trial:
-    return Trial(trial.place[k], trial.force[k])
+    return Trial(trial.position[k], trial.force[k])
 
 
 @kernel
@@ -110,7 +110,7 @@ def step_block(
         tried = BlockStep(state, k, noise_rows(noise, k, step + 1), rates, trial, next_dt)
         predict_step(tried, limits)
         frozen = frozen_row(state.frozen, k)
-        set_block_forces(work.forces, t, trial.place, trial.force, frozen)
+        set_block_forces(work.forces, t, trial.position, trial.force, frozen)
         if not work.interacts:
             # While force and later force of the block are in cache.
             measure_block(k, work, next_dt)
@@ -127,7 +127,7 @@ def measure_block(k: int, work: Work, dt: float) -> None:
 def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
     """Complete the drift at the trial, at the time t; its error over the tolerance, and the kind."""
     if group.work.interacts:
-        interact(group, t, group.work.trial.place, group.work.trial.force)
+        interact(group, t, group.work.trial.position, group.work.trial.force)
         over_blocks(group, measure_block, (dt,))
     # Those that have ended err by 0, which must not make the mean of the others smaller.
     part = part_inside(group.work.state.fates)
@@ -203,7 +203,7 @@ def _start(group: Group) -> None:
     state = group.work.state
     clock = state.clock[0]
     over_blocks(group, set_block, (clock[TIME],))
-    interact(group, clock[TIME], state.place, state.force)
+    interact(group, clock[TIME], state.position, state.force)
     _note_start(clock, state.force)
 
 
@@ -228,8 +228,8 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
     """See `clocks.Stepper`; trials that are refused count as steps."""
     state, rates, limits = group.work.state, group.work.rates, group.work.limits
     clock, noise, outcome = state.clock[0], state.noise, group.work.outcome
-    cloud = Cloud(state.place, state.velocity, state.force, state.frozen, state.fates)
-    # Later the force at the place is there from the step before, and after `restore` from the checkpoint.
+    cloud = Cloud(state.position, state.velocity, state.force, state.frozen, state.fates)
+    # Later the force there is known from the step before, and after `restore` from the checkpoint.
     if clock[STEPS] == 0.0 and clock[TIME] < until:
         _start(group)
         _choose_first_step(noise, group, until)

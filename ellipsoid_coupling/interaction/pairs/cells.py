@@ -105,14 +105,14 @@ def _cells_along(interval: Interval, size: float, wraps: bool) -> tuple[float, i
 
 
 @inline_kernel
-def _clamped(place: float, most: int) -> int:
-    """The cell of `place`, in cells, within [0, most]; 0 for NaN."""
+def _clamped(position: float, most: int) -> int:
+    """The cell of `position`, in cells, within [0, most]; 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
     index = 0
-    if place >= most:
+    if position >= most:
         index = most
-    elif place > 0.0:
-        index = int(place)
+    elif position > 0.0:
+        index = int(position)
     return index
 
 

@@ -375,12 +375,12 @@ def add_sums(own: Floats, rank: Integers, pairs: Pairs, force: Floats) -> None:
 
 
 @kernel
-def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) -> None:
+def add_pair_forces(position: Floats, axis: Floats, pairs: Pairs, force: Floats) -> None:
     """Add the sums over -grad U of `eq:micro` to the drift of all particles of one realisation.
 
     Parameters
     ----------
-    place : (D, N) float64
+    position : (D, N) float64
         x, y (and angle, not read here).
     axis : (2, N)
         cos and sin of 2 theta.
@@ -388,7 +388,7 @@ def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) ->
     force : (D, N)
         Per mass and per inertia; added to in place.
     """
-    sources, rank = sort_by_cell(place[0], place[1], axis[0], axis[1], pairs.grid)
+    sources, rank = sort_by_cell(position[0], position[1], axis[0], axis[1], pairs.grid)
     own = np.empty((rank.size, RECORD))
     # All pairs are met; above the last row there is something where y is periodic.
     add_above(sum_rows((0, pairs.grid.rows), sources, pairs, own))

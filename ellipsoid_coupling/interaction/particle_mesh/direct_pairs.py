@@ -54,11 +54,11 @@ class SamplePairs:
         self._grid = cell_grid(region.x_range, region.y_range, shape.reach, region.periods)
         self._shape, self._strength = shape, strength
 
-    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+    def add_forces(self, position: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, as `SampleInteraction.add_forces`."""
-        blocks, degrees, size = place.shape
+        blocks, degrees, size = position.shape
         # All blocks are one cloud: samples of one density know no blocks.
-        x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
+        x, y, *angle = (np.ascontiguousarray(position[:, d]).ravel() for d in range(degrees))
         double = 2.0 * angle[0] if angle else np.zeros_like(x)
         grid = self._grid
         own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)

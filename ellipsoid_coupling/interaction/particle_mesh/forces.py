@@ -146,20 +146,20 @@ class SampleInteraction:
         self._convolve = Convolution(spectra, self.precision, POTENTIAL)
         self._pool = BufferPool()
 
-    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+    def add_forces(self, position: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
 
         Parameters
         ----------
-        place : (K, D, B) float64
+        position : (K, D, B) float64
             x, y and, with D = 3, the angle of K blocks of B samples.
         weights : (1/m, 1/I_c)
         force : (K, D, B)
             Per mass and per inertia.
         """
         pool, nodes = self._pool, self.nodes
-        slots = pool.array("slots", (place.shape[0] * place.shape[2],), np.int64)
-        here = sort_by_row(place, nodes, slots, pool)
+        slots = pool.array("slots", (position.shape[0] * position.shape[2],), np.int64)
+        here = sort_by_row(position, nodes, slots, pool)
         if len(here.samples) == 0:
             return
         functions = 2 * self.harmonics + 1

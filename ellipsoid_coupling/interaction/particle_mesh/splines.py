@@ -55,7 +55,7 @@ def _first_node(coordinate: float, low: float, inverse_h: float, count: int) -> 
 
 @kernel
 def _count_rows(
-    place: Array,
+    position: Array,
     blocks: tuple[int, int],
     nodes: Nodes,
     slots: Indices,
@@ -66,12 +66,12 @@ def _count_rows(
 
     columns : (2,), overwritten by the least and the largest first column.
     """
-    size = place.shape[2]
+    size = position.shape[2]
     least, largest = nodes.columns, -1
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
-            row = _first_node(place[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
-            column = _first_node(place[k, 0, j], nodes.x_low, nodes.inverse_h, nodes.columns)
+            row = _first_node(position[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
+            column = _first_node(position[k, 0, j], nodes.x_low, nodes.inverse_h, nodes.columns)
             row = row if column >= 0 else -1
             slots[k * size + j] = row
             if row >= 0:
@@ -82,10 +82,10 @@ def _count_rows(
 
 @kernel
 def _fill_slots(
-    place: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
+    position: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
 ) -> None:
     """Copy each sample to the next free place of its row, which is also written to `slots`."""
-    size = place.shape[2]
+    size = position.shape[2]
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
             row = slots[k * size + j]
@@ -94,8 +94,8 @@ def _fill_slots(
                 slot = counts[row]
                 counts[row] += 1
                 slots[k * size + j] = slot
-                for d in range(place.shape[1]):
-                    samples[slot, d] = place[k, d, j]
+                for d in range(position.shape[1]):
+                    samples[slot, d] = position[k, d, j]
 
 
 @kernel
@@ -128,28 +128,28 @@ class Sorted(NamedTuple):
     extent: tuple[int, int]
 
 
-def sort_by_row(place: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
+def sort_by_row(position: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
     """Sort the samples by row, without those beyond the nodes.
 
     A stable counting sort: work in either order goes through memory row by row.
 
     Parameters
     ----------
-    place : (K, D, B) float64
+    position : (K, D, B) float64
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
     pool : holds the sorted samples until the next call
     """
-    blocks = chunk_ranges(len(place), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
+    blocks = chunk_ranges(len(position), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
     # Each part counts and then fills for itself: no two threads write to one place.
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     columns = np.empty((len(blocks), 2), np.int64)
     for_each(
-        len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k], columns[k])
+        len(blocks), lambda k: _count_rows(position, blocks[k], nodes, slots, counts[k], columns[k])
     )
     begin: Indices = _set_starts(counts)
-    samples = pool.array("samples", (begin[-1], place.shape[1]), np.float64)
-    for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
+    samples = pool.array("samples", (begin[-1], position.shape[1]), np.float64)
+    for_each(len(blocks), lambda k: _fill_slots(position, blocks[k], slots, counts[k], samples))
     rows = np.flatnonzero(np.diff(begin))
     if rows.size == 0:
         return Sorted(samples, begin, (0, 0), (0, 0))

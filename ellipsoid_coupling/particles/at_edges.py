@@ -120,9 +120,8 @@ def predict_at_edges(edges: EdgeGrid | None, step: BlockStep) -> None:
         force, position = step.state.force[step.k], step.trial.position
         # A prediction takes a constant drift: the force at the end is that at the start.
         for i in _may_meet(edges, step, force, linear):
-            position[0, i], position[1, i] = follow(
-                edges, _path(step, force, linear, i), step.dt
-            ).position
+            path = _path(step, force, linear, i)
+            position[0, i], position[1, i] = follow(edges, path, step.dt).position
 
 
 @kernel

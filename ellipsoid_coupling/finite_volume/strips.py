@@ -105,4 +105,5 @@ def whole_plane(
     corner = GHOSTS * (padded[1] + 1)
     plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
     runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
+    # All of each row: an r-grid is filled.
     return plane, strips_of(runs, plane, periodic, threads), np.array([[[0, columns]] * rows])

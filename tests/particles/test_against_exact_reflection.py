@@ -41,7 +41,7 @@ PARTICLES = 6
 class Way(NamedTuple):
     """Where an exact way ends, how many reflections it has, and whether rounding may change them."""
 
-    place: Exact
+    position: Exact
     reflections: int
     delicate: bool
 

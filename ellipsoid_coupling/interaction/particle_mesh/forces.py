@@ -178,6 +178,7 @@ class SampleInteraction:
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self.precision), take)
         folding.unfold(potential)
+        # Along a periodic axis all of the period has been unfolded, from its first node on.
         corner = folding.corner(here.corner)
         found = interpolate(here.samples, nodes, corner, potential, functions, pool)
         add_to(force, found, weights, slots)
@@ -223,4 +224,5 @@ def _cover(region: Region, h: float) -> Nodes:
 def _undo_splines(length: int) -> Array:
     """1/b^2 at the frequencies of a transform, (length//2 + 1,)."""
     waves = 2.0 * np.pi * np.arange(length // 2 + 1) / length
+    # b = (2 + cos)/3, undone once for the deposit and once for the interpolation.
     return np.asarray((3.0 / (2.0 + np.cos(waves))) ** 2)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField, FlowSeries, load_flow
+from tests.command_line import status_of
 from tests.written_cases import plate, write_case
 
 BOX = ((-1.0, 2.0), (0.0, 1.0))
@@ -28,14 +28,6 @@ start = { x = [0.4, 0.6], y = [0.2, 0.4] }
 flow = { case = "cases/plate", time = "all", drag = 10.0, angular_drag = 10.0 }
 numerics = { cell = 0.1, angle_cells = 8, time_step = 0.015625 }
 """
-
-
-def status_of(*tokens: str) -> int:
-    try:
-        main(list(tokens))
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
 
 
 @pytest.fixture(scope="module")

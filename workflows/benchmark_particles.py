@@ -18,6 +18,7 @@ from ellipsoid_coupling.interaction.pairs.cells import cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import PairSum
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.models import Setup, build_model
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 from ellipsoid_coupling.scenes import terms_of
@@ -150,7 +151,7 @@ def _large_clouds_row(sizes: Sizes) -> Row:
 
 def _samples_row(sizes: Sizes) -> Row:
     """Samples all over the cavity, and in its start box, where the grid's transforms are short."""
-    interaction = SampleInteraction((0.0, 1.0), (0.0, 1.0), SHAPE, WIDTH, 1.0, 2e-2)
+    interaction = SampleInteraction(Region((0.0, 1.0), (0.0, 1.0)), SHAPE, WIDTH, 1.0, 2e-2)
     texts: list[str] = []
     numbers: dict[str, float] = {}
     for where, side in (("box", 0.2), ("cavity", 1.0)):

@@ -24,8 +24,8 @@ from ellipsoid_coupling.models.from_scene import scene_drift, scene_edges, scene
 from ellipsoid_coupling.models.particle_model import placed, scene_limits
 from ellipsoid_coupling.models.particle_reports import particle_snapshot
 from ellipsoid_coupling.particles.at_edges import straight_at_edges
-from ellipsoid_coupling.particles.frozen import freeze, frozen_row, places_before
-from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_places
+from ellipsoid_coupling.particles.frozen import freeze, frozen_row, positions_before
+from ellipsoid_coupling.particles.state import Limits, ParticleState, bounce, wrap_positions
 from ellipsoid_coupling.result import SAMPLES_ACROSS, Result
 from ellipsoid_coupling.scenes import Scene, terms_of
 
@@ -51,15 +51,15 @@ def _slope(
     drift: Drift,
     t: float,
     damping: Floats,
-    place: Floats,
+    position: Floats,
     velocity: Floats,
     slope: Floats,
     frozen: Flags | None,
 ) -> None:
-    """Slope = F(place) - Gamma velocity, (D, N)."""
-    particle_forces(drift, t, place, slope, frozen)
-    for d in range(place.shape[0]):
-        for i in range(place.shape[1]):
+    """Slope = F(position) - Gamma velocity, (D, N)."""
+    particle_forces(drift, t, position, slope, frozen)
+    for d in range(position.shape[0]):
+        for i in range(position.shape[1]):
             slope[d, i] -= damping[d] * velocity[d, i]
 
 
@@ -68,25 +68,25 @@ def _runge_kutta(
     drift: Drift,
     t: float,
     damping: Floats,
-    place: Floats,
+    position: Floats,
     velocity: Floats,
     dt: float,
     frozen: Flags | None,
     periods: Floats | None,
 ) -> None:
     """A classical fourth-order step of r' = v, v' = F - Gamma v from time t on, in place."""
-    slopes = np.empty((4, *place.shape))
-    speeds = np.empty((4, *place.shape))
+    slopes = np.empty((4, *position.shape))
+    speeds = np.empty((4, *position.shape))
     for stage in range(4):
         part = dt * (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)
-        trial = place.copy()
+        trial = position.copy()
         speeds[stage] = velocity
         if stage > 0:
             trial += part * speeds[stage - 1]
             speeds[stage] += part * slopes[stage - 1]
-            wrap_places(periods, trial)
+            wrap_positions(periods, trial)
         _slope(drift, t + part, damping, trial, speeds[stage], slopes[stage], frozen)
-    place += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
+    position += dt / 6.0 * (speeds[0] + 2.0 * speeds[1] + 2.0 * speeds[2] + speeds[3])
     velocity += dt / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
 
 
@@ -102,15 +102,18 @@ def _push(
 ) -> None:
     """Steps of length times[1] from time times[0] on, of the points of task k."""
     t, dt = times
-    place, velocity, frozen = state.place[k], state.velocity[k], frozen_row(state.frozen, k)
+    position, velocity, frozen = state.position[k], state.velocity[k], frozen_row(state.frozen, k)
     for step in range(steps):
-        before, start = places_before(limits.mesh, place), places_before(limits.edges, place)
+        before, start = (
+            positions_before(limits.mesh, position),
+            positions_before(limits.edges, position),
+        )
         now = t + step * dt
-        _runge_kutta(drift, now, damping, place, velocity, dt, frozen, limits.periods)
-        bounce(limits.box, place, velocity)
+        _runge_kutta(drift, now, damping, position, velocity, dt, frozen, limits.periods)
+        bounce(limits.box, position, velocity)
         straight_at_edges(limits.edges, state, k, start, (now, dt))
         freeze(state, k, limits, before)
-        wrap_places(limits.periods, place)
+        wrap_positions(limits.periods, position)
 
 
 def _push_all(
@@ -125,7 +128,7 @@ def _push_all(
     def push(k: int) -> None:
         _push(drift, damping, limits, state, k, times, steps)
 
-    for_each(state.place.shape[0], push)
+    for_each(state.position.shape[0], push)
 
 
 def _sample_points(scene: Scene, side: int, degrees: int) -> Floats:
@@ -172,8 +175,8 @@ def _exact(scene: Scene, window: Window, side: int) -> Result:
     limits = scene_limits(setup, edges, scene.particles.number)
     terms = scene_drift(setup, edges), scene_rates(setup).damping, limits
     damping = terms[1]
-    place = _sample_points(scene, side, damping.size)
-    state = placed(setup, edges, place, np.empty((1, 0)))
+    position = _sample_points(scene, side, damping.size)
+    state = placed(setup, edges, position, np.empty((1, 0)))
     longest = min(_LARGEST_STEP, _LARGEST_DAMPED_STEP / max(float(damping.max()), 1e-9))
     snapshots: list[Arrays] = []
     before = 0.0

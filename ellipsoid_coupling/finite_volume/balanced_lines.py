@@ -79,6 +79,7 @@ class LineForces(NamedTuple):
 
 def no_line_work(whole: LineFields) -> Floats:
     """Tilt 1 and rest 0 of all cells of all lines, in whole vectors."""
+    # Whole vectors are read beyond the last line.
     cells = whole.planes.number * whole.lines.size + 2 * DOUBLES
     return np.array([np.ones(cells), np.zeros(cells)])
 
@@ -96,11 +97,13 @@ def _take(
     and from cell to cell.
     """
     begin, start, n, cells, stride = place
+    # Beyond the end of the row a line goes on at its beginning.
     part = min(n, cells - start)
     inside = rows_at(room, which, 0)
     first = rows_at(values, which, begin + start * stride)
     copy_cells(first, inside, (stride, 1), part)
     copy_cells(rows_at(values, which, begin), offset(inside, part), (stride, 1), n - part)
+    # A ring's last cell has work to its first one.
     copy_cells(first, offset(inside, n), (1, 1), 1)
     return inside
 
@@ -113,6 +116,7 @@ def _set_line(
     plane, row, stride = forces.strides
     begin = forces.rows[number] * row
     extent = whole.lines.start[number], n, whole.lines.cells, stride
+    # The pull has all planes, the potential only those that it tells apart.
     here = begin + line.plane % forces.angles[0] * plane, *extent
     pull = _take(forces.pull, (0,), here, rooms[0])
     here = begin + line.plane % forces.angles[1] * plane, *extent
@@ -120,17 +124,21 @@ def _set_line(
     pulls, potentials = (pull, offset(pull, 1)), (potential, offset(potential, 1))
     work, weights = rows_at(out, (_TILT, _REST), first), forces.weights
     ring = whole.lines.ring[number]
+    # Across what closes a line no work is done: there the array keeps tilt 1 and rest 0.
     set_run(pulls, potentials, weights, n if ring else n - 1, work)
     if ring:
         # The ghosts of a ring go on at its other end.
         copy_cells(offset(work, n - GHOSTS), offset(work, -GHOSTS), (1, 1), GHOSTS)
         copy_cells(work, offset(work, n), (1, 1), GHOSTS)
+    # A line of one cell has no neighbour within, and so no work to mirror.
     elif n > 1:
         # In ghosts of walls the mirrored work, the other way.
         back = (-weights[0], -weights[1])
+        # g leads to the next cell: at the low end the outer ghost has it, at the high end the inner one.
         if forces.mirrors[number, LOW]:
             set_run(pulls, potentials, back, 1, offset(work, -GHOSTS))
         if forces.mirrors[number, HIGH]:
+            # The work between the last two cells.
             last = offset(pulls[0], n - 2), offset(pulls[1], n - 2)
             over = offset(potentials[0], n - 2), offset(potentials[1], n - 2)
             set_run(last, over, back, 1, offset(work, n))
@@ -144,6 +152,7 @@ def _set_lines(
     for task in numba.prange(tasks):
         forces, whole = unpack(packed)
         room = line_room(whole)
+        # Pull and potential of one line at a time, in this task's cache.
         rooms = np.zeros((1, room.shape[1])), np.zeros((1, room.shape[1]))
         begin, end = chunk(signed(task), tasks, count)
         for number in range(begin, end):
@@ -176,6 +185,8 @@ def _forced_line(work: Floats, limits: Limits, line: Line, density: Floats) -> F
         + rows_at(density, (DENSITY,), GHOSTS)
         + rows_at(density, (DENSITY,), GHOSTS + 1)
     )
+    # In its own memory a line has no gaps, whatever its axis. Work stands with the lower of the
+    # two cells that it leads between.
     first = line.slot + GHOSTS
     up = rows_at(work, (_TILT, _REST), first)
     return Forced(around, up, rows_at(work, (_TILT, _REST), first - 1), limits)
@@ -195,15 +206,19 @@ def _balance_line(
     ratio, stage, limits = balance.stage.ratio, balance.stage, balance.limits
     cells, n = rows_at(now, whole.each, 0), line.length
     fill_line_ends(whole, line, now)
+    # The sweep works in place: source and second stage need the old cells.
     copy_cells(cells, rows_at(before, whole.each, 0), (1, 1), n + 2 * GHOSTS)
     first = sweep_line(fluxes[0], whole, line, ratio, now, scratch)
     m, moved = rows_at(before, (ALONG,), GHOSTS), rows_at(now, (ALONG,), GHOSTS)
+    # R0 is the source of the old cells.
     push_row(_forced_line(balance.works[0], limits, line, before), m, moved, n, stage)
+    # Ghosts follow from the stage that they belong to.
     fill_line_ends(whole, line, now)
     copy_cells(cells, rows_at(middle, whole.each, 0), (1, 1), n + 2 * GHOSTS)
     second = sweep_line(fluxes[1], whole, line, ratio, now, scratch)
     m1, olds = rows_at(middle, (ALONG,), GHOSTS), rows_at(before, whole.each, GHOSTS)
     news = rows_at(now, whole.each, GHOSTS)
+    # R1 is the source of the cells that the first stage has left.
     forced = _forced_line(balance.works[1], limits, line, middle)
     combine_row(forced, m1, olds, news, n, stage)
     # Both stages' transports count half.
@@ -226,6 +241,7 @@ def _balance_lines(
         begin, end = chunk(signed(task), tasks, count)
         for number in range(begin, end):
             line = line_of(whole, number)
+            # What is empty stays so, unless the fluid carries something in.
             if take_line(whole, line, room) or carries(whole, line):
                 left = _balance_line(fluxes, whole, line, balance, rooms, scratch)
                 gone[number, LOW], gone[number, HIGH] = left
@@ -262,10 +278,12 @@ def _lose_ahead(
             line = line_of(whole, number)
             if take_line(whole, line, room) or carries(whole, line):
                 fill_line_ends(whole, line, room)
+                # Ghosts are filled in the line's own memory; the fields stay as they are.
                 first = line.plane * strides[0] + rows[line.number] * strides[1]
                 for i in range(line.length):
                     place = (whole.lines.start[line.number] + i) % whole.lines.cells
                     k = GHOSTS + i
+                    # Central differences: with ghosts there is no case of its own at the ends.
                     out[first + place * strides[2]] -= factor * (
                         room[ALONG, k + 1] - room[ALONG, k - 1]
                     )
@@ -284,6 +302,7 @@ def lose_ahead(whole: LineFields, factor: float, out: Floats) -> None:
     """
     tasks, count = tasks_for(whole)
     _, ny, nx = out.shape
+    # Of an array without ghosts, while lines have strides of padded planes.
     strides = (ny * nx, nx, 1) if whole.lines.stride == 1 else (ny * nx, 1, nx)
     with small_chunks(tasks):
         _lose_ahead(tasks, count, factor, (whole, whole.lines.rows, strides, out.reshape(-1)))

@@ -66,10 +66,13 @@ def fill_ghosts(fields: Floats, axis: int, table: GhostTable, t: float) -> None:
         The time at the start of the step.
     """
     cells = math.prod(fields.shape[-2:])
+    # Without a copy or not at all: ghosts are written where the fields are.
     flat = np.reshape(fields, (fields.shape[0], -1), copy=False)
     # A q-grid's ghost planes are filled by nobody.
     first, planes = (GHOSTS, fields.shape[1] - 2 * GHOSTS) if fields.ndim == 4 else (0, 1)
+    # Component 1 is the momentum along x, 2 the one along y.
     components = in_order(fields.shape[0], -axis)
+    # Few ghosts are filled sooner than a thread is awake.
     width = int(table.cells[LEFT if axis == -1 else BOTTOM, WIDTH])
     with threads_for(planes * width, GHOSTS_PER_THREAD):
         fill = _fill_all_ends if axis == -1 else _fill_all_sides
@@ -80,6 +83,7 @@ def fill_ghosts(fields: Floats, axis: int, table: GhostTable, t: float) -> None:
 def _place(places: Floats, side: int, i: int, angle: float) -> Place:
     """That of a side's ghost number i."""
     x = places[side, X] + i * places[side, STEP_X]
+    # Only lines of a staircase ask for what the fluid carries.
     return Place(x, places[side, Y] + i * places[side, STEP_Y], angle, ())
 
 
@@ -94,6 +98,7 @@ def _fill_end(
 ) -> None:
     """Fill one ghost of a row, see `fill_ends`; at : its row, the angle and the time."""
     row, first = table.cells[side], table.first
+    # The table has cells of the lowest row; from its first ghost on they are the same in every row.
     edge = load(cells, row[EDGE] - first)
     image = load(cells, row[IMAGE] + layer * row[NEXT_IMAGE] - first)
     place = _place(table.places, side, at[0], at[1])
@@ -127,6 +132,7 @@ def _fill_layer(
     """
     edge, image, ghosts = cells
     first, width = columns
+    # Whole vectors with a mask, as in `over_row`: a remainder loop would go one cell at a time.
     for i in range(round_up_to_vectors(width)):
         if i < width:
             place = _place(places, side, first + i, at[0])
@@ -172,6 +178,7 @@ def fill_sides(
     ends : whether to fill the bottom and the top.
     """
     a, start = plane
+    # Each side is a call of its own: its kind is a type, by which its formula is compiled in.
     at, planes = (a * table.angle_width, t), (fields, components, start)
     # Layer by layer: the second mirrors the other end's first where there is one row only.
     for layer in range(GHOSTS):
@@ -195,6 +202,7 @@ def _fill_all_ends(
     for task in numba.prange(count * rows):
         table, t = unpack(packed)
         a, j = signed(task) // rows, signed(task) % rows
+        # Ghosts at the left are a row apart.
         first = begin + a * size + table.first + j * table.cells[LEFT, STRIDE]
         fill_ends(rows_at(fields, components, first), table, a, j, t)
 
@@ -219,6 +227,7 @@ def _fill_all_sides(
 def fill_periodic(fields: Floats, axis: int) -> None:
     """Fill the ghost layers at both ends of a periodic direction of contiguous fields, in place."""
     before, n, after = fields.shape[:axis], fields.shape[axis], fields.shape[axis + 1 :]
+    # All axes before and all axes after are one each: one kernel for every shape.
     shape = math.prod(before), n, math.prod(after)
     with threads_for(shape[0] * shape[2], GHOSTS_PER_THREAD):
         _wrap(np.reshape(fields, shape, copy=False))
@@ -227,10 +236,12 @@ def fill_periodic(fields: Floats, axis: int) -> None:
 @parallel_kernel
 def _wrap(fields: Floats) -> None:
     """`fill_periodic` along the second axis of three."""
+    # The period in cells: an image is that far from its ghost.
     last = fields.shape[1] - 2 * GHOSTS
     layers = 2 * GHOSTS
     for task in numba.prange(fields.shape[0] * layers):
         line, layer = task // layers, task % layers
+        # Layers 0 and 1 are the lower ghosts, 2 and 3 the upper ones.
         held = layer if layer < GHOSTS else last + layer
         image = held + last if layer < GHOSTS else held - last
         to, source = fields[line, held], fields[line, image]

@@ -80,6 +80,7 @@ def _set_tables(
         for i in range(x.size):
             force_x, force_y, coefficients = external_terms(fluid, outer, t, x[i], y[j])
             steady[0, j, i], steady[1, j, i] = force_x, force_y
+            # Coefficients and not g itself: a cell's angle changes, its place does not.
             for k in range(3):
                 turning[k, j, i] = coefficients[k]
 
@@ -107,6 +108,7 @@ def angular_rate(
     rate, slope = outer_torque(angular, angle), outer_torque_slope(angular, angle)
     if turning is not None:
         c2, s2 = cos_sin(2.0 * angle)
+        # gamma_bar is in the coefficients already. The slope is for Newton's method, see `implicit_turn`.
         a, b, c = turning[0, j, i], turning[1, j, i], turning[2, j, i]
         rate += jeffery_rate(c2, s2, a, b, c)
         slope += jeffery_slope(c2, s2, b, c)
@@ -144,6 +146,7 @@ def drive_at(
 
     forces : Forces, AngleForces or NoForces, whose row is `force_row`, counted through all angles.
     """
+    # Tables are flat here: those of the second component begin `ny` rows further on.
     j, ny, first = place
     row = (force_row,)
     return Drive(
@@ -168,9 +171,12 @@ def driven(
 
     double : cos 2 theta and sin 2 theta; outer : -dV2/dtheta.
     """
+    # `+` sets tuples side by side and `total` adds up what they hold: one number, or none where the
+    # scene has no such term. So a missing term costs no instruction, and not even a 0 is added.
     x = total(load(drive.steady[0], i) + scale(drive.inverse_mass, load(drive.force[0], i)))
     y = total(load(drive.steady[1], i) + scale(drive.inverse_mass, load(drive.force[1], i)))
     a, b, c = load(drive.turning[0], i), load(drive.turning[1], i), load(drive.turning[2], i)
     torque = scale(drive.inverse_inertia, load(drive.torque, i))
+    # g = a + b sin 2 theta + c cos 2 theta, of no coefficients no number.
     turn = total(map_fields(jeffery_rate, double, (a, b, c)) + torque) + outer
     return (x, y, *fill(turn, spins))

@@ -40,6 +40,7 @@ class AngleGridForces:
         """At the present density; None without either. The next call overwrites them."""
         if self.interaction is None:
             return self.walls
+        # Where mass is, the cells know already: no look for it.
         forces = self.interaction.forces(cells.inside[0], cells.extents)
         if self.walls is None:
             return forces
@@ -51,6 +52,7 @@ class AngleGridForces:
         if force is None or wall is None:
             return force
         out = self._workspace.array(name, force.shape, force.dtype)
+        # Walls are in double precision, forces perhaps in single.
         return np.add(force, wall, out=out, casting="same_kind")
 
 
@@ -74,6 +76,7 @@ class MeanAngleForces:
         """At the present density and angle; None without interaction."""
         if self.interaction is None:
             return None
+        # Loops over rows want them contiguous; the inside of padded fields is not.
         density = np.ascontiguousarray(cells.inside[0, 0])
         angle = self.mean_angle(cells)
         forces = self.interaction(density, angle)
@@ -87,4 +90,5 @@ class MeanAngleForces:
         if not carried:
             return self.start_angle.copy()
         rho, content = cells.inside[0, 0], cells.inside[carried[0], 0]
+        # Only where there is mass: 0/0 would be NaN, and so would be 0 times that.
         return np.asarray(np.divide(content, rho, out=np.zeros_like(rho), where=rho > 0.0))

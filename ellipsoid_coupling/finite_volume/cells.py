@@ -243,6 +243,7 @@ class CellFields:
 
     def _follows(self, dt: float) -> float:
         """How much of the velocities counts as the fluid's in a step, see `fluxes.in_fluid`."""
+        # 1 - e^{-Gamma dt}, as far as drag draws a velocity to the fluid's in the step.
         return 1.0 if self.system.slaved else -math.expm1(-self.terms.damping * dt)
 
     def _settle(self, follows: float) -> None:
@@ -286,7 +287,7 @@ class CellFields:
     def cells(self) -> Cells:
         """What sources see of the fields."""
         velocities, angle = self.system.velocities, self.system.carried_angle
-        spin = velocities[2:] if angle else ()
+        spin = velocities[2:] if angle else ()  # omega of a carried angle
         each = tuple(range(len(velocities)))
         moving, further = (0, *velocities), self.system.further
         return Cells(self.fields, self.extents, self.drift, each, moving, angle, spin, further)
@@ -325,7 +326,7 @@ class CellFields:
     def cellwise_limit(self, order: int) -> CellwiseLimit:
         """The bound cell by cell; no cells are crossed where the angle is no axis."""
         velocities = len(self.system.velocities)
-        reach, ahead = (
+        reach, ahead = (  # 0 along what is no axis
             (*lengths, 0.0)[:velocities] for lengths in (self._reach, self._ahead(order))
         )
         rates, each = dampings(self.terms, velocities), tuple(range(velocities))
@@ -339,11 +340,11 @@ class CellFields:
         turn = turn if driven or slaved else math.inf
         rates = dampings(self.terms, velocities)
         return ExtremesLimit(
-            (0, 1) if velocities < 3 else (0, 1, 2, 3),
-            self._reach[0],
+            (0, 1) if velocities < 3 else (0, 1, 2, 3),  # speed and force, spin and torque
+            self._reach[0],  # cells are square
             self._ahead(order if driven else 1)[0],
             turn,
-            (rates[0], rates[-1]),
+            (rates[0], rates[-1]),  # Gamma, Gamma_bar
             driven,
         )
 

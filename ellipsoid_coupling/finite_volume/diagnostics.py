@@ -34,6 +34,7 @@ _MASS, _LEAST, _MOTION, _SPIN = range(4)
 def _survey_cell(i: int, cells: Rows, sums: Rows) -> None:
     cell, before = load(cells, i), load(sums, i)
     rho = cell[DENSITY]
+    # Vacuum has no momentum: 0/0 would be NaN, 0 is what it adds.
     inverse = 0.0 if rho == 0.0 else 1.0 / rho
     motion = before[_MOTION] + (cell[1] * cell[1] + cell[2] * cell[2]) * inverse
     # One number, or none where there is no angle.
@@ -108,17 +109,17 @@ def _add_squares(squares: Floats, largest: Floats, velocity: Floats, force: Floa
 
 
 @kernel(noalias=True)
-def _add_outside(outside: Floats, place: Floats, low: float, high: float) -> None:
-    """Lane by lane, how many places are not within low .. high; NaN is not."""
-    for lane in range(place.size):
+def _add_outside(outside: Floats, position: Floats, low: float, high: float) -> None:
+    """Lane by lane, how many positions are not within low .. high; NaN is not."""
+    for lane in range(position.size):
         # `and` would branch: twice as slow.
-        within = (low <= place[lane]) & (place[lane] <= high)
+        within = (low <= position[lane]) & (position[lane] <= high)
         outside[lane] += 0.0 if within else 1.0
 
 
 @kernel(noalias=True)
 def _survey_some(
-    place: Floats,
+    position: Floats,
     velocity: Floats,
     force: Floats,
     box: Floats | None,
@@ -129,22 +130,23 @@ def _survey_some(
     _, components, number = velocity.shape
     for k in range(realisations[0], realisations[1]):
         for d in range(components):
+            # Angular velocity and torque have units of their own, and so lanes.
             kind = 1 if d == 2 else 0
             for first in range(0, number, SURVEY_LANES):
                 run = slice(first, min(first + SURVEY_LANES, number))
                 _add_squares(lanes[kind], lanes[2 + kind], velocity[k, d, run], force[k, d, run])
                 if box is not None and d < 2:
-                    _add_outside(lanes[4], place[k, d, run], box[d, 0], box[d, 1])
+                    _add_outside(lanes[4], position[k, d, run], box[d, 0], box[d, 1])
 
 
 @parallel_kernel
 def _survey_shared(
-    place: Floats, velocity: Floats, force: Floats, box: Floats | None, lanes: Floats
+    position: Floats, velocity: Floats, force: Floats, box: Floats | None, lanes: Floats
 ) -> None:
     """All realisations, cut into the parts of `lanes` (parts, 5, lanes)."""
     realisations, parts = velocity.shape[0], lanes.shape[0]
     for part in numba.prange(parts):
-        _survey_some(place, velocity, force, box, chunk(part, parts, realisations), lanes[part])
+        _survey_some(position, velocity, force, box, chunk(part, parts, realisations), lanes[part])
 
 
 @kernel
@@ -155,28 +157,29 @@ def _in_all(lanes: Floats, count: int) -> tuple[float, float, float, float, int]
 
 
 def survey_particles(
-    place: Floats, velocity: Floats, force: Floats, box: Floats | None
+    position: Floats, velocity: Floats, force: Floats, box: Floats | None
 ) -> tuple[float, float, float, float, int]:
     """Root mean squares of v and omega, the largest forces, and how many coordinates are outside.
 
     Parameters
     ----------
-    place, velocity, force : (R, D, N) float64
+    position, velocity, force : (R, D, N) float64
     box : (2, 2) float64 or None
         The walls, as in `Limits`; None where none reflects.
 
     Returns
     -------
-    v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of places beyond `box`.
+    v, omega, the largest |F_x| or |F_y|, the largest |F_bar|, coordinates of positions beyond `box`.
     """
     realisations, _, number = velocity.shape
     # Not by the number of threads, so that sums always add up in the same order.
     parts = max(1, min(realisations, SURVEY_PARTS, velocity.size // NUMBERS_PER_PART))
     lanes = np.zeros((parts, 5, SURVEY_LANES))
+    # To wake threads would take longer.
     if parts == 1:
-        _survey_some(place, velocity, force, box, (0, realisations), lanes[0])
+        _survey_some(position, velocity, force, box, (0, realisations), lanes[0])
     else:
-        _survey_shared(place, velocity, force, box, lanes)
+        _survey_shared(position, velocity, force, box, lanes)
     return _in_all(lanes, realisations * number)
 
 
@@ -184,4 +187,5 @@ def largest_magnitude(values: NDArray[np.floating] | None) -> float:
     """The largest absolute value of an array; 0 for None or none."""
     if values is None or values.size == 0:
         return 0.0
+    # Two looks, and no array of absolute values.
     return max(float(values.max()), -float(values.min()))

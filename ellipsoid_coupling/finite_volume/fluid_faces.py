@@ -61,7 +61,9 @@ def _touched(cells: FluidCells) -> Flags:
     touched = np.zeros((ny + 1, nx + 1), bool)
     for faces, axis in ((cells.x, 1), (cells.y, 0)):
         for owner, shift in ((faces.lower, 0), (faces.upper, 1)):
+            # Edges have numbers from 0 on; the domain's sides, and open faces, have negative ones.
             j, i = np.nonzero(owner >= 0)
+            # A face across x ends at the corners below and above it, one across y at those beside it.
             if axis == 1:
                 touched[j, i + shift] = touched[j + 1, i + shift] = True
             else:
@@ -77,6 +79,7 @@ def _fluid_beside(cells: FluidCells, grid: Grid) -> Floats:
         (inside[:-1, :-1], -1, -1), (inside[:-1, 1:], 1, -1),
         (inside[1:, :-1], -1, 1), (inside[1:, 1:], 1, 1),
     )  # fmt: skip
+    # Without a cell of the fluid around it a corner is seen from where it is.
     count = np.maximum(sum(part[0] for part in parts), 1.0)
     half = 0.5 * grid.cell
     middle = [half * sum(part[0] * part[axis] for part in parts) / count for axis in (1, 2)]
@@ -94,6 +97,7 @@ def _wall_values(flow: FlowField, ends: Ends) -> Floats:
     edges = np.flatnonzero(wall)
     if edges.size == 0:
         return values
+    # psi is constant along a wall but for the error of the flow: its mean, each edge by its length.
     part = _connected(outline.ends[edges])
     at_ends = stream_values(flow.arrays, outline.ends[edges, :, 0], outline.ends[edges, :, 1])
     length = outline.lengths()[edges]
@@ -101,12 +105,14 @@ def _wall_values(flow: FlowField, ends: Ends) -> Floats:
     far = np.zeros(mean.size)
     np.maximum.at(far, part, np.abs(at_ends - mean[part][:, None]).max(axis=1))
     spread = float(np.ptp(psi_coefficients(flow.arrays)))
+    # A patch of type wall that fluid crosses keeps its psi from point to point.
     values[edges] = np.where(far[part] <= _TIGHT * spread, mean[part], np.nan)
     return values
 
 
 def _connected(ends: Floats) -> Indices:
     """Which connected line each edge (n, 2, 2) is part of, (n,)."""
+    # The bound is for edges that all are one point.
     unit = _SAME_POINT * max(float(np.ptp(ends.reshape(-1, 2), axis=0).max()), 1e-300)
     points = np.round(ends.reshape(-1, 2) / unit).astype(np.int64)
     _, number = np.unique(points, axis=0, return_inverse=True)
@@ -114,6 +120,7 @@ def _connected(ends: Floats) -> Indices:
     count = int(number.max()) + 1
     graph = coo_array((np.ones(start.size), (start, stop)), shape=(count, count))
     _, part = connected_components(graph, directed=False)
+    # Numbers without gaps, for sums by number.
     return np.asarray(np.unique(part[start], return_inverse=True)[1])
 
 
@@ -127,6 +134,7 @@ def chi_at_faces(flow: FlowField, grid: Grid, axis: int) -> Floats | None:
     x_low, x_high, y_low, y_high = flow.bounds
     found = []
     for aside in (-_GAUSS * grid.cell, _GAUSS * grid.cell):
+        # Along the face, on both sides of its middle.
         places = (grid.x_edges, grid.y + aside) if axis == -1 else (grid.x + aside, grid.y_edges)
         x, y = np.meshgrid(*places)
         slopes = chi_slopes(flow.arrays, np.clip(x, x_low, x_high), np.clip(y, y_low, y_high))
@@ -146,6 +154,7 @@ class CellFaces:
         axis: int,
         chi: Floats | None = None,
     ) -> None:
+        # u = (d psi/dy, -d psi/dx): the mean over a face is the difference of its corners' psi over h.
         change = np.diff(corners, axis=0) if axis == -1 else -np.diff(corners, axis=1)
         change = change / cell
         change = change if chi is None else change + chi
@@ -154,6 +163,7 @@ class CellFaces:
         faces, sides = (cells.x, (0, 1)) if axis == -1 else (cells.y, (2, 3))
         self.boundary = [ends.of_faces(faces.lower, sides[0]), ends.of_faces(faces.upper, sides[1])]
         walls = [ends.reflects(found) for found in self.boundary]
+        # 0 to the bit through walls, also where the flow's psi is not quite constant.
         self.values = np.stack([np.where(walls[0], 0.0, low), np.where(walls[1], 0.0, high)])
         self.values *= cells.inside
 
@@ -177,6 +187,7 @@ def line_motion(
     A ghost's fluid follows from that of its image as its contents do: mirrored where particles turn round
     or the fluid comes in, copied where they leave; behind an inlet it is that of the face.
     """
+    # Lines along y are rows of the transposed.
     by_row = faces if axis == -1 else faces.transpose(0, 2, 1)
     line, place = table.places()
     row = table.rows[line]
@@ -196,10 +207,13 @@ def set_ghosts(faces: tuple[Floats, Floats], table: LineTable, kinds: tuple[obje
     # Layer by layer: the second one of a ring of one cell is the other end's first.
     for layer in range(GHOSTS):
         for end, edge, other, inwards in ((LOW, first, last, 1), (HIGH, last, first, -1)):
+            # A line of one cell has one image for both ghosts.
             image = edge + inwards * np.minimum(layer, table.length - 1)
             beyond = other - inwards * layer
             through = faces[end][edge]
+            # The fluid goes out there, or stands.
             copied = through * inwards <= 0.0
+            # Mirrored, a cell's lower face is the ghost's upper one, and the velocity changes its sign.
             held = []
             for face in (LOW, HIGH):
                 mirrored = -faces[1 - face][image]

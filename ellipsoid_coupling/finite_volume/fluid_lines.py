@@ -75,6 +75,7 @@ class LineTable(NamedTuple):
     @property
     def rows(self) -> Indices:
         """Which row (or column) of cells each line is part of, (T,)."""
+        # Padded planes begin with ghosts of both directions.
         return np.asarray((self.row - GHOSTS * (self.row_stride + self.stride)) // self.row_stride)
 
     def places(self) -> tuple[Indices, Indices]:
@@ -105,12 +106,14 @@ class Ends(NamedTuple):
 
     def of_faces(self, owner: Indices, side: int) -> Indices:
         """The boundary of each closed face, -1 of the others; side : that of the domain at this end."""
+        # The side stands last, where -1 points to; an edge has its own number.
         known = np.append(self.edge, self.sides[side])
         return np.where(owner == NONE, -1, known[np.where(owner == SIDE, -1, owner)])
 
     def reflects(self, boundary: Indices) -> Flags:
         """Whether particles turn round there; False where nothing closes."""
         found = [at_side(kind) == "reflect" for kind in self.kinds]
+        # -1, no boundary, is the last one: False.
         return np.append(found, False)[boundary].astype(bool)
 
     def wraps(self, boundary: Indices) -> Flags:
@@ -159,6 +162,7 @@ class FluidLines(NamedTuple):
         """Of each boundary whether it closes a line and mass may pass it."""
         found: set[int] = set()
         for table in self.tables.values():
+            # A ring has no ends, and the numbers that stand there mean nothing.
             ends = table.boundary[~table.ring]
             kinds = [at_side(self.kinds[kind]) for kind in table.kind[~table.ring].ravel()]
             found |= {int(b) for b, act in zip(ends.ravel(), kinds, strict=True) if act == "leave"}
@@ -191,10 +195,12 @@ def line_tables(
     cells: FluidCells, ends: Ends, grid: Grid
 ) -> tuple[dict[int, LineTable], tuple[object, ...]]:
     """The lines along x (-1) and y (-2), and the kinds that they end with."""
+    # The last two whatever the scene has: for rings, and for a periodic side without fluid behind it.
     kinds = _each_once((*ends.kinds, Periodic(), Reflect()))
     row = grid.padded[1]
     corner = GHOSTS * (row + 1)
     along_x = _table(cells.x, ends, kinds, (corner, row, 1), (0, 1))
+    # Made with x and y exchanged, and so are the middles of its faces below.
     along_y = _table(cells.y.turned, ends, kinds, (corner, 1, row), (2, 3))
     x, y, h = (grid.x_low, grid.y), (grid.y_low, grid.x), grid.cell
     along_x = along_x._replace(faces=_middles(along_x, *x, h))
@@ -205,6 +211,7 @@ def line_tables(
 def _middles(table: LineTable, low: float, across: Floats, h: float) -> Floats:
     """The middles of the faces at both ends, (T, 2, 2): along the line, and across."""
     first = low + h * table.start
+    # The upper face of the last cell, which may lie at the row's beginning.
     last = low + h * ((table.start + table.length - 1) % table.cells + 1)
     places = np.stack((first, last), axis=-1)
     return np.stack((places, np.broadcast_to(across[table.rows][:, None], places.shape)), axis=-1)
@@ -218,6 +225,7 @@ def _table(
     sides: tuple[int, int],
 ) -> LineTable:
     """Lines along the last axis; layout : first flat cell, from line to line, from cell to cell."""
+    # A cell outside of the fluid has no closed face: NONE at both.
     boundary = [ends.of_faces(faces.lower, sides[LOW]), ends.of_faces(faces.upper, sides[HIGH])]
     closed = [found >= 0 for found in boundary]
     # The sides of a periodic row: open where the fluid goes on at the other one.
@@ -226,12 +234,15 @@ def _table(
     closed[HIGH][:, -1] &= ~joined
     n = faces.lower.shape[1]
     found: list[tuple[int, ...]] = []
+    # A cell of the fluid has an open face at least, or is closed off at both.
     inside = faces.is_open[:, 1:] | faces.is_open[:, :-1] | (boundary[LOW] >= 0)
     for row in np.flatnonzero(inside.any(axis=1)).tolist():
         starts, stops = np.flatnonzero(closed[LOW][row]), np.flatnonzero(closed[HIGH][row])
+        # Nothing closes the row: the whole of it is a ring.
         if starts.size == 0:
             found.append((row, 0, n, 1, 0, 0))
             continue
+        # The first end closes the line that goes on from the row's other side.
         if stops[0] < starts[0]:
             stops = np.roll(stops, -1)
         for start, stop in zip(starts, stops, strict=True):
@@ -243,6 +254,7 @@ def _table(
     # A periodic side with no fluid at the other one is a wall.
     kind = np.where(ends.wraps(by_end), _number(kinds, Reflect()), number[by_end])
     kind[ring != 0] = _number(kinds, Periodic())
+    # Lines stand one after the other, each with its ghosts.
     padded = length + 2 * GHOSTS
     corner, across, along = layout
     return LineTable(

@@ -81,6 +81,7 @@ def descend(problem: Problem, start: Point) -> Point:
         return float((q * a * b).sum()) * volume
 
     def centred(a: Floats) -> Floats:
+        # Mass stays 1: a constant added to log q changes nothing.
         return np.asarray(a - float((q * a).sum()) * volume)
 
     gradient = centred(start.image - start.potential)
@@ -89,11 +90,14 @@ def descend(problem: Problem, start: Point) -> Point:
     emptiness = np.log(q.max()) - np.log(np.maximum(q, np.finfo(np.float64).tiny))
     most = np.maximum(_MOST_RISE, emptiness - _MOST_RISE)
     found = start
+    # Downhill where Newton's direction fails, as it may far from a minimum.
     for direction in (newton, -gradient):
         step = np.clip(direction, -_MOST_FALL, most)
         slope, length = dot(gradient, step), 1.0
         while length >= _SHORTEST:
+            # psi falls where log q is to rise.
             found = point_at(problem, start.potential - length * step)
+            # Near the minimum F falls by less than its own rounding, which must not refuse the last steps.
             enough = start.energy + _SUFFICIENT * length * slope + _ROUNDING * abs(start.energy)
             if found.energy <= enough:
                 return found
@@ -109,10 +113,12 @@ def _newton(
     """-H^-1 g by conjugate gradients: roughly far away, exactly near by."""
     step, left = np.zeros_like(gradient), -gradient
     along, square = left, dot(left, left)
+    # The smaller the gradient, the more exactly: a fixed part would make Newton's convergence linear.
     wanted = min(0.25, math.sqrt(square)) * square
     for _ in range(_MOST_DIRECTIONS):
         bent = curvature(along)
         curved = dot(along, bent)
+        # `not >`: without curvature, with a negative one, or with none that is a number.
         if not curved > 1e-14 * dot(along, along):
             break
         step = step + square / curved * along
@@ -121,4 +127,5 @@ def _newton(
         if square <= wanted:
             break
         along = left + square / before * along
+    # The first direction may have no curvature already.
     return step if step.any() else -gradient

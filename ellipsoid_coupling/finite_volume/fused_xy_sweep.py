@@ -107,11 +107,13 @@ def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) 
     cut, row = task // _COPIED, task % _COPIED
     plane, move, copy = whole.plane, whole.move, whole.copies[cut, row]
     if row < GHOSTS:
+        # Copies 0 and 1 lie below the cut, 2 and 3 above it, as `strips` draws.
         cell = whole.strips.below[cut] + (row + 1 - GHOSTS) * plane.row
     else:
         cell = whole.strips.above[cut] + (row - GHOSTS) * plane.row
     start = _start_of(plane, cell)
     copy_row(rows_at(whole.fields, whole.x, start), rows_at(copy, whole.x, 0), plane.row)
+    # A copy has the ghosts and the span of the row that it is of.
     a, j = _line_of(plane, cell)
     if move.x_first:
         span = whole.spans[a, j]
@@ -125,6 +127,7 @@ def _copy_beside_cut(task: int, flux: Flux, whole: _Whole, scratch: RowScratch) 
 def _sweep_x(flux: Flux, whole: _Whole, a: int, j: int, scratch: RowScratch) -> None:
     """Sweep what moves of row j of plane a."""
     plane, span = whole.plane, whole.spans[a, j]
+    # A sweep begins two cells before the first one that moves.
     first = plane.corner - GHOSTS + a * plane.next_plane + j * plane.row + span[0]
     width = span[1] - span[0]
     if width > 0:
@@ -161,11 +164,14 @@ def _strip_of(whole: _Whole, number: int) -> _Strip:
 @inline_kernel
 def _strip_row(whole: _Whole, strip: _Strip, row: int) -> Rows:
     """Row number `row` of a strip; beyond a cut its copy, of which the same column is meant."""
+    # A copy is a whole row, ghosts included.
     march, column = strip.march, strip.march.first - strip.start
     rows = rows_at(whole.fields, whole.y, march.first + row * march.stride)
     if row < 0 and strip.low >= 0:
+        # Row -2 is copy 0.
         rows = rows_at(whole.copies[strip.low, row + GHOSTS], whole.y, column)
     if row >= march.length and strip.high >= 0:
+        # Row `length` is copy 2.
         rows = rows_at(whole.copies[strip.high, row - march.length + GHOSTS], whole.y, column)
     return rows
 
@@ -187,10 +193,12 @@ def _fetch_half(whole: _Whole, march: March, row: int, half: int) -> None:
 def _fill_beside(whole: _Whole, strip: _Strip, low: bool, high: bool) -> None:
     """Fill the rows of ghosts at the lower and the upper end of a strip, where the strip looks at them."""
     plane, march = whole.plane, strip.march
+    # At a cut there are copies instead of ghosts; in the middle of a plane the strip sees none.
     ends = (
         low and strip.j < GHOSTS and strip.low < 0,
         high and strip.j + march.length > plane.rows - GHOSTS and strip.high < 0,
     )
+    # The first padded cell of the plane.
     start = plane.corner - GHOSTS * (plane.row + 1) + strip.a * plane.next_plane
     columns = march.first - strip.start - GHOSTS, march.width
     fill_sides(whole.fields, whole.y, whole.table, (strip.a, start), columns, ends, whole.move.t)
@@ -205,6 +213,7 @@ def _step_y(flux: Flux, whole: _Whole, strip: _Strip, row: int, room: Floats) ->
         _strip_row(whole, strip, row),
         _strip_row(whole, strip, row + 1),
     )
+    # 1/rho of both lower rows is kept from then on.
     if row == first_row(flux, whole.y, room):
         begin_march(flux, three[0], three[1], room)
     cell = march.first + row * march.stride
@@ -227,6 +236,7 @@ def _x_then_y(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, roo
     swept = 0
     for row in range(first_row(flux, whole.y, room), march.length + 1):
         _fetch_half(whole, march, row + ROWS_AHEAD + 1, 0)
+        # The march looks at row + 1, which must have been swept along x.
         while swept < min(row + ROWS_AHEAD, march.length):
             _sweep_x(flux, whole, strip.a, strip.j + swept, scratch)
             swept += 1
@@ -242,6 +252,7 @@ def _x_then_y(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, roo
 def _y_then_x(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, room: Floats) -> None:
     """Sweep along x a row behind the march along y: what has just been written is not read at once."""
     march, swept = strip.march, 0
+    # Nothing has been swept: at both ends ghosts follow from the old rows.
     _fill_beside(whole, strip, True, True)
     for row in range(first_row(flux, whole.y, room), march.length + 1):
         _fetch_half(whole, march, row + GHOSTS, 0)
@@ -250,6 +261,7 @@ def _y_then_x(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, roo
         # The march has left row - 1 behind; at its end that is all there is.
         while swept < (row if row == march.length else row - 1):
             cells = rows_at(whole.fields, whole.x, strip.start + swept * march.stride)
+            # Ghosts along x follow from the row as the march along y has left it.
             _fill_row(cells, whole, strip.a, strip.j + swept)
             _sweep_x(flux, whole, strip.a, strip.j + swept, scratch)
             swept += 1
@@ -258,6 +270,7 @@ def _y_then_x(flux: Flux, whole: _Whole, strip: _Strip, scratch: RowScratch, roo
 @parallel_kernel
 def _sweep_planes(copies: int, strips: int, arguments: tuple[Flux, _Whole]) -> None:
     packed = pack(arguments)
+    # All copies before any strip: strips change the rows that these are of.
     for task in numba.prange(copies):
         flux, whole = unpack(packed)
         _copy_beside_cut(signed(task), flux, whole, row_scratch(whole.plane.row))
@@ -310,6 +323,7 @@ def sweep_planes(
     # A number for each row and for both ends of each plane: their sum does not depend on the strips.
     gone = np.zeros((spans.shape[0], plane.rows + 2))
     x, y = in_order(fields.shape[0], 1), in_order(fields.shape[0], 2)
+    # A march reads whole vectors, which may go on beyond the last column.
     cuts, longest = strips.above.size, round_up_to_vectors(plane.row) + DOUBLES
     copies = np.empty((cuts, _COPIED, len(x), longest))
     whole = _Whole(fields, copies, x, y, plane, strips, spans, move, gone, table)

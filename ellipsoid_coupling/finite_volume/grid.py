@@ -49,6 +49,7 @@ class Grid:
     @property
     def x(self) -> Floats:
         """Cell centres in x, (nx,)."""
+        # By products: the roundings of a running sum would add up.
         return np.asarray(self.x_low + self.cell * (np.arange(self.nx) + 0.5), np.float64)
 
     @property
@@ -78,6 +79,7 @@ def scene_grid(scene: Scene) -> Grid:
     domain, cell = scene.domain, scene.numerics.cell
     counts = (domain.width / cell, domain.height / cell)
     for count in counts:
+        # A width such as 0.1 divides a domain to rounding only.
         if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
             raise InputError(
                 f"scene {scene.name}, key numerics.cell",
@@ -121,6 +123,7 @@ def start_angle(grid: Grid, scene: Scene) -> Floats:
     period = math.pi if scene.angular_potential is None else 2.0 * math.pi
     held: dict[tuple[int, int], list[float]] = {}
     for x, y, angle in scene.start.places():
+        # The mean of 0 and pi, of two ellipses that look alike, would be an ellipse across both.
         others = held.setdefault(cell_of(grid, x, y), [])
         first = others[0] if others else angle
         others.append(angle - period * round((angle - first) / period))
@@ -134,6 +137,7 @@ def _at_least_a_cell(edges: Floats, box: tuple[float, float]) -> tuple[float, fl
     cell = edges[1] - edges[0]
     if box[1] - box[0] >= cell:
         return box
+    # About the box's middle, unless that would lead beyond the grid.
     low = min(max(0.5 * (box[0] + box[1] - cell), edges[0]), edges[-1] - cell)
     return float(low), float(low + cell)
 
@@ -148,6 +152,7 @@ def start_density(grid: Grid, scene: Scene) -> Floats:
     if places:
         counts = np.zeros(grid.shape)
         for place in places:
+            # A sum, since several may lie in one cell.
             counts[cell_of(grid, place[0], place[1])] += 1.0
         return np.asarray(counts / (len(places) * grid.cell**2))
     # A rim that misses an edge by rounding leaves no sliver in the next cell.
@@ -156,4 +161,5 @@ def start_density(grid: Grid, scene: Scene) -> Floats:
         for edges, box in ((grid.y_edges, scene.start.y), (grid.x_edges, scene.start.x))
     )
     part = np.outer(y, x)
+    # By the sum of the parts: mass is 1, whatever rounding and the domain's rim have cut off.
     return np.asarray(part / (part.sum() * grid.cell**2))

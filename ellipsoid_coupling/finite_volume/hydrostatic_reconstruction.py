@@ -49,6 +49,7 @@ def _set_cell(
     weights: tuple[float, float],
     out: Rows,
 ) -> None:
+    # h/2 (F_i + F_{i+1}).
     pull = scale(weights[0], add(load(pulls[0], i), load(pulls[1], i)))
     # Of no potential no number.
     drop = scale(weights[1], sub(load(potentials[0], i), load(potentials[1], i)))
@@ -56,6 +57,7 @@ def _set_cell(
     kept = min(max(work, -STEEPEST), STEEPEST)
     # The package's exponential is for negative arguments.
     tilt = exp_of_negative(0.5 * kept - _RANGE) * _EXP_RANGE
+    # The flux tilts its profile by the first number; the source adds the second as a plain force.
     store(out, i, (tilt, work - kept))
 
 
@@ -78,12 +80,15 @@ def set_run(
 def _source(padded: int, count: int, ends: tuple[int, int]) -> tuple[int, float]:
     """The cell whose work a padded one of `count` cells in space holds, and its sign, 0 for none."""
     own = padded - GHOSTS
+    # The last cell has work to the next one only across a periodic side.
     if 0 <= own < count - 1:
         return own, 1.0
     if ends[0] == WRAPS and -GHOSTS <= own < count + GHOSTS:
         return own % count, 1.0
+    # Ghosts -2 and -1 mirror cells 1 and 0: g_0, the other way. From -1 on the way leads across the wall.
     if ends[0] == MIRRORS and count > 1 and own == -GHOSTS:
         return 0, -1.0
+    # Likewise the first two ghosts above mirror the last two cells.
     if ends[1] == MIRRORS and count > 1 and own == count:
         return count - 2, -1.0
     return 0, 0.0
@@ -138,6 +143,7 @@ def _set_along_x(
     _set_between(forces, (a, j, 0), (a, j, 1), weights, nx - 1, out, row + GHOSTS)
     # Beyond a wall the mirror image: the same work, the other way. Beyond a periodic side that of the
     # other one; the last cell's work then leads to the first cell.
+    # Of a padded row both lower ghosts, the last cell, and both upper ghosts.
     for end in (0, 1, nx + 1, nx + GHOSTS, nx + GHOSTS + 1):
         i, sign = _source(end, nx, ends)
         if sign != 0.0:
@@ -162,6 +168,7 @@ def _set_along_y(
         # Sums and differences of forces change sign exactly, so mirrored work does as well.
         signed = sign * weights[0], sign * weights[1]
         start = (a + GHOSTS) * padded[0] + row * padded[1] + GHOSTS
+        # Whole rows at once: along y neighbours are rows, and the loop goes along x.
         _set_between(forces, (a, j, 0), (a, (j + 1) % ny, 0), signed, nx, out, start)
 
 
@@ -192,8 +199,10 @@ def _set_work(
     # Plane and row of padded fields.
     row = nx + 2 * GHOSTS
     plane = (ny + 2 * GHOSTS) * row
+    # Along y and along the angle ghosts are rows of their own.
     lines = na * ny if axis == -1 else na * (ny + 4) if axis == -2 else ny * (na + 4)
     for line in numba.prange(lines):
+        # Made within the loop: shared loops take plain arguments.
         forces, number = _Forces(pull, potential, distinct), signed(line)
         if axis == -1:
             _set_along_x(forces, number, ends, weights, (plane, row), out)
@@ -263,6 +272,7 @@ def _set_ahead(
     for task in numba.prange(na * ny):
         a, j = task // ny, task % ny
         row = (a + GHOSTS) * fields.shape[2] + j + GHOSTS
+        # Of each momentum the flat number of the row's first cell.
         here = axpy(momenta, cells, row * fields.shape[3] + GHOSTS)
         low, high = rows_at(numbers, sub(here, strides), 0), rows_at(numbers, add(here, strides), 0)
         _set_ahead_row(

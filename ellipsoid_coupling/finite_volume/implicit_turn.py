@@ -39,12 +39,14 @@ def _turn_rows(rows: int, arguments: tuple[Cells, CellTerms, tuple[float, float]
 def _turn_row(j: int, cells: Cells, terms: CellTerms, step: tuple[float, float]) -> None:
     fields, angle, spin = cells.fields, cells.angle[0], cells.spin[0]
     for i in range(fields.shape[3] - 2 * GHOSTS):
+        # An r-grid has one plane, and no ghosts of the angle.
         p, q = j + GHOSTS, i + GHOSTS
         rho = fields[0, 0, p, q]
         if rho > 0.0:
             phi, omega = fields[angle, 0, p, q] / rho, fields[spin, 0, p, q] / rho
             new = _implicit_spin(phi, omega, terms, (j, i), step)
             fields[spin, 0, p, q] = rho * new
+            # phi1 = phi + dt omega1, times rho.
             fields[angle, 0, p, q] += step[1] * rho * new
 
 
@@ -59,9 +61,11 @@ def _implicit_spin(
     """Omega1 of one cell, for the step (gain, dt)."""
     j, i = cell
     gain, dt = step
+    # In omega these torques count at the old angle already, by the kick: only their change is new.
     old, _ = angular_rate(terms.turning, terms.angular, j, i, angle)
     new = spin
     for _ in range(_NEWTON_STEPS):
         rate, slope = angular_rate(terms.turning, terms.angular, j, i, angle + dt * new)
+        # The denominator is the derivative for omega1, by way of phi1.
         new -= (new - spin - gain * (rate - old)) / (1.0 - gain * dt * slope)
     return new

@@ -29,6 +29,7 @@ def exact_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
 
 def implicit_kick(terms: CellTerms, dt: float, velocities: int) -> Kick:
     """An implicit Euler step of it, v1 = (v + dt F)/(1 + dt Gamma); the paper's treatment."""
+    # v1 (1 + dt Gamma) = v + dt F.
     decay = tuple(1.0 / (1.0 + dt * rate) for rate in dampings(terms, velocities))
     return Kick(decay, tuple(dt * one for one in decay))
 
@@ -46,4 +47,5 @@ def dampings(terms: CellTerms, velocities: int) -> Values:
 
 def exact_gain(rate: float, dt: float) -> float:
     """The integral of exp(-rate s) over a step."""
+    # 1 - e^{-z} would lose its digits where damping is weak.
     return -math.expm1(-rate * dt) / rate if rate else dt

@@ -85,6 +85,7 @@ def line_fields(
     count = len(fields)
     components = in_order(count, -axis)
     plane = fields.shape[2] * fields.shape[3]
+    # Ghost planes of the angle have no lines.
     layers = GHOSTS if angle_width else 0
     table = lines.tables[axis]
     slots = table.size if by_plane else 0
@@ -129,6 +130,7 @@ def _copy_line(whole: LineFields, line: Line, room: Floats, back: bool) -> None:
     # Beyond the end of the row the line goes on at its beginning.
     part = min(line.length, lines.cells - start)
     for first, at, count in ((start, 0, part), (0, part, line.length - part)):
+        # Inside the order is the flux's: density, the momentum along the line, the others.
         outside = rows_at(whole.fields, whole.components, begin + first * stride)
         inside = rows_at(room, whole.each, GHOSTS + at)
         if back:
@@ -163,11 +165,13 @@ def _fill_end(
     first, last = GHOSTS, GHOSTS + n - 1
     edge, other = (first, last) if end == LOW else (last, first)
     inwards = 1 if end == LOW else -1
+    # Mirror images: that of the inner ghost is the edge itself.
     image = edge + inwards * layer
     if lines.ring[number]:
         # The ghosts of a ring go on at its other end.
         image = other - inwards * layer
     row = rows_at(whole.carried, whole.each, 0)
+    # All planes of one face stand together.
     carried = load(row, lines.carried[number, end] * planes.number + line.plane)
     x, y = lines.faces[number, end, 0], lines.faces[number, end, 1]
     place = Place(x, y, line.plane * planes.angle_width, carried)
@@ -194,7 +198,9 @@ def sweep_line(
     cells = rows_at(room, whole.each, 0)
     sweep_row(flux, cells, line.slot, line.length, ratio, scratch)
     if whole.lines.ring[line.number]:
+        # What passes the seam of a ring stays.
         return 0.0, 0.0
+    # The line ends at faces 1 and `length` + 1, see `sweep_row`. At the lower one mass leaves downwards.
     return -float(scratch.through[1]), float(scratch.through[line.length + 1])
 
 
@@ -209,6 +215,7 @@ def carries(whole: LineFields, line: Line) -> bool:
 @inline_kernel
 def line_room(whole: LineFields) -> Floats:
     """Memory for the longest line, ghosts and whole vectors included."""
+    # From the last cell of a vector a sweep looks two cells on.
     longest = whole.lines.length.max() + 2 * GHOSTS
     return np.zeros((len(whole.each), round_up_to_vectors(longest) + GHOSTS))
 
@@ -220,11 +227,13 @@ def _sweep_lines(
     packed = pack(arguments)
     for task in numba.prange(tasks):
         flux, whole = unpack(packed)
+        # One line at a time for each task: its memory stays in that core's cache.
         room = line_room(whole)
         scratch = row_scratch(room.shape[1])
         begin, end = chunk(signed(task), tasks, count)
         for number in range(begin, end):
             line = line_of(whole, number)
+            # What is empty stays so, unless the fluid carries something in.
             if take_line(whole, line, room) or carries(whole, line):
                 fill_line_ends(whole, line, room)
                 gone[number, 0], gone[number, 1] = sweep_line(
@@ -236,11 +245,13 @@ def _sweep_lines(
 def tasks_for(whole: LineFields) -> tuple[int, int]:
     """Into how many tasks all lines are cut, and how many lines there are in all planes."""
     count = whole.planes.number * whole.lines.length.size
+    # Lines differ in length: several tasks a thread balance them.
     return max(1, min(count, TASKS_PER_THREAD * numba.get_num_threads())), count
 
 
 def by_boundary(gone: Floats, whole: LineFields, boundaries: int) -> Floats:
     """The mass that has left through each boundary, (boundaries,), of both ends of all lines."""
+    # Both ends of a line together, line after line, plane after plane: a sum in one order.
     where = np.tile(whole.lines.boundary.ravel(), whole.planes.number)
     return np.asarray(np.bincount(where, gone.ravel(), boundaries), np.float64)
 

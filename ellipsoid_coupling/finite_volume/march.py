@@ -76,6 +76,7 @@ class _Kept(NamedTuple):
 @inline_kernel
 def inverse_density(density: float, vacuum: float) -> float:
     """1/rho, 0 in vacuum."""
+    # Of a rim that is all but empty the velocity would be made of rounding.
     return 1.0 / density if density > vacuum else 0.0
 
 
@@ -189,6 +190,7 @@ def _outflow(march: March, row: int, workspace: Floats) -> float:
     """The mass that has left through the end that has been passed, less what came in."""
     # Faces 0 and `length` are the march's ends; a face counts upwards.
     if row in (0, march.length):
+        # Beyond the width there are faces of other bundles.
         through = float(workspace[_FACES, DENSITY, : march.width].sum())
         return through if row == march.length else -through
     return 0.0
@@ -265,6 +267,7 @@ def _rows_of_step(
     here = rows_at(fields, components, _on_ring(cell, ring))
     above = rows_at(fields, components, _on_ring(cell + march.stride, ring))
     if _is_closed(march, ring):
+        # Row `length` is row 0 again, which the march has changed since: its old values are asked for.
         if row == march.length:
             here, above = rows_at(old[0], components, 0), rows_at(old[1], components, 0)
         elif row == march.length - 1:

@@ -36,6 +36,7 @@ class MovingLines:
         self._lines_at, self._interval = lines_at, interval
         self._span = interval.span.copy()
         self._first, self._last = (lines_at(float(self._span[k])) for k in (START, END))
+        # Lines of their own, since the mean is written over them.
         self.lines = lines_at(float(self._span[START]))
         self._open = {axis: self._with_open_ends(axis) for axis in self.lines.tables}
         self._note_fastest()
@@ -58,6 +59,7 @@ class MovingLines:
         for axis, now in self.lines.motion.items():
             first, last = self._first.motion[axis], self._last.motion[axis]
             if now is not None and first is not None and last is not None:
+                # In place: fluxes of the step hold these arrays.
                 np.copyto(now.lower, blend(part, first.lower, last.lower))
                 np.copyto(now.upper, blend(part, first.upper, last.upper))
                 set_ghosts((now.lower, now.upper), self._open[axis], self.lines.kinds)
@@ -76,5 +78,6 @@ class MovingLines:
         self._note_fastest()
 
     def _note_fastest(self) -> None:
+        # A mean of both is nowhere faster than the faster one.
         fastest = max(self._first.fastest, self._last.fastest)
         self.lines = self.lines._replace(fastest=fastest)

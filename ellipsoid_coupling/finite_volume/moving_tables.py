@@ -41,16 +41,19 @@ class MovingTables:
         self._at, self._interval = tables_at, interval
         self._terms = terms
         self._span = interval.span.copy()
+        # No time is equal to NaN, so that the first call sets the tables.
         self._time = np.nan
         self._first, self._last = (self._at(float(self._span[k])) for k in (START, END))
 
     def set(self, t: float) -> None:
         """Bring the terms to a time of the interval."""
+        # The interval is asked first: it has to be met in any case.
         if self._meet_interval() or t != self._time:
             self._time = t
             part = float(plain(part_of)(self._interval.span, t))
             tables = self._terms.steady, self._terms.turning
             for table, first, last in zip(tables, self._first, self._last, strict=True):
+                # `CellTerms` leaves out what the scene does not have; both ends have all of it.
                 if table is not None:
                     np.copyto(table, blend(part, first, last))
 

@@ -85,6 +85,7 @@ class QGrid:
     def everywhere(self) -> Extents:
         """Extents as if all cells held mass, (na, ny, 2)."""
         rows = self.shape[:2]
+        # A copy, for broadcast memory is one row's.
         return np.broadcast_to(np.array([0, self.plane.nx]), (*rows, 2)).copy()
 
 
@@ -132,6 +133,7 @@ def start_angles(grid: QGrid, angle: float) -> Floats:
     place = nearest if abs(place - nearest) < 1e-9 else place
     low = int(np.floor(place))
     parts = np.zeros(grid.angles)
+    # Between two centres both share the mass, so that its mean direction is the angle.
     parts[low % grid.angles] += 1.0 - (place - low)
     parts[(low + 1) % grid.angles] += place - low
     return parts
@@ -149,6 +151,7 @@ def _find_extents(fields: Floats, extents: Extents) -> None:
             first += 1
         while end > first and row[end - 1] <= 0.0:
             end -= 1
+        # The first column of an empty row is beyond all others, so that a minimum over rows leaves it out.
         if first == end:
             first, end = row.size, 0
         extents[a, j, 0], extents[a, j, 1] = first, end
@@ -161,6 +164,7 @@ def occupied_extents(fields: Floats, within: Extents | None = None) -> Extents:
     """
     _, na, ny, nx = inside(fields).shape
     whole = np.broadcast_to(np.array([0, nx]), (na, ny, 2))
+    # One layout whatever the grid, for one compiled kernel.
     extents = np.array(whole if within is None else within, order="C")
     _find_extents(fields, extents)
     return extents
@@ -183,11 +187,13 @@ def _grow(extents: Extents, columns: int, axis: int, periodic: bool, wider: Exte
     for a in range(angles):
         for j in range(rows):
             first, end = extents[a, j, 0], extents[a, j, 1]
+            # Nothing moves out of an empty row.
             if axis == -1 and end > 0:
                 whole = periodic and (first == 0 or end == columns)
                 first, end = max(first - 1, 0), min(end + 1, columns)
                 if whole:
                     first, end = 0, columns
+            # A row has one interval, which has to cover whatever comes from the rows beside it.
             for step in (-1, 1):
                 if axis == -3:
                     beside = extents[(a + step) % angles, j]

@@ -53,16 +53,20 @@ def transport(
     components, *padded = fields.shape
     normal = NORMAL[axis]
     periodic = axis != -3 and table.kinds.wraps(axis)
+    # Before the sweep: it moves mass by one cell, into cells that it must therefore visit.
     extents = grown(extents, padded[2] - 2 * GHOSTS, axis, periodic)
+    # Ghosts that no sweep looks at are not filled.
     if axis != -3 and _reach_edge(extents, padded[2] - 2 * GHOSTS, axis):
         fill_ghosts(fields, axis, table, t)
     row, plane = padded[2], padded[1] * padded[2]
     stride = {-1: 1, -2: row, -3: plane}[axis]
+    # The march itself goes on from the last angle to the first one.
     ring = (_corner(row, plane), extents.shape[0] * plane) if axis == -3 else (0, 0)
     runs = row_runs(extents, row, plane) if axis == -1 else column_runs(extents, row, plane, axis)
     if runs.first.size:
         flat = fields.reshape(components, -1)
         gone = sweep_runs(flux, flat, runs, stride, normal, ratio, ring)
+        # Where no mass passes, the sum over the ends is rounding, and no outflow.
         if left is not None and axis != -3 and not table.kinds.closed:
             left += gone
     return extents
@@ -83,7 +87,9 @@ def transport_in_plane(
     kinds, axes = table.kinds, (-1, -2) if move.x_first else (-2, -1)
     first = grown(extents, columns, axes[0], kinds.wraps(axes[0]))
     second = grown(first, columns, axes[1], kinds.wraps(axes[1]))
+    # Each sweep visits what has been grown for it; the second one grows from the first.
     along_x, along_y = (first, second) if move.x_first else (second, first)
+    # All columns together: strips are cut across them.
     runs = bundle_runs(along_y, row, plane, -2, columns)
     if runs.first.size:
         planes = Plane(row, plane, columns, rows, _corner(row, plane))
@@ -138,9 +144,11 @@ def column_runs(extents: Extents, row: int, plane: int, axis: int) -> Runs:
 
 def bundle_runs(extents: Extents, row: int, plane: int, axis: int, bundle: int) -> Runs:
     """Runs along y or the angle of bundles of `bundle` columns each; see `column_runs`."""
+    # Lines along the angle lead from plane to plane, those along y from row to row.
     lines = extents if axis == -2 else extents.transpose(1, 0, 2)
     outer, along = (plane, row) if axis == -2 else (row, plane)
     bundles = -(-(row - 2 * GHOSTS) // bundle)
+    # Between two runs there is a row of vacuum at least.
     found = np.empty((3, lines.shape[0] * bundles * (lines.shape[1] // 2 + 1)), np.int64)
     strides = outer, along, _corner(row, plane)
     count = _find_runs(lines, (bundles, bundle), strides, axis == -3, found)
@@ -173,11 +181,14 @@ def _find_runs(
             while periodic and start < rows and _meets(lines[line, start], low, high):
                 start += 1
             start %= rows
+            # An empty interval, which the first row with mass replaces.
             n, left, right = 0, high, low
+            # One step more than there are rows, which closes a run at the end.
             for step in range(rows + 1):
                 k = (start + step) % rows
                 held = step < rows and _meets(lines[line, k], low, high)
                 if held:
+                    # As narrow as the mass in it, but of one width all along.
                     left = min(left, max(lines[line, k, 0], low))
                     right = max(right, min(lines[line, k, 1], high))
                     n += 1

@@ -66,8 +66,6 @@ from ellipsoid_coupling.scenes.kinds import Record
 Floats = NDArray[np.float64]
 Limit = CellwiseLimit | ExtremesLimit
 
-# Newton's iteration for the angle converges quadratically from a guess that is dt^2 off.
-_NEWTON_STEPS = 4
 # Cells of a block where the drift is kept: a row of most grids. Shorter ones cost calls, 60 ns each;
 # 128 and 256 take 15 to 25 % longer on 1600 x 1600 cells.
 _LONG_BLOCK = 1024
@@ -160,9 +158,11 @@ def _evaluate(i: int, given: Evaluation, cells: Rows, drift: Rows) -> None:
     """F_x, F_y and, where something turns, F_bar of cell i."""
     cell = load(cells, i)
     # Vacuum has no angle; what comes out for it is not used.
+    # Of the plane, or carried: the other one is 0, or no number.
     angle = given.plane_angle + total(div(load(given.angles, i), cell[0]))
     double, outer = cos_sin(2.0 * angle), outer_torque(given.angular, angle)
     rates = driven(given.drive, i, double, outer, cell[3:])
+    # Chosen, not branched over, so that the loop vectorises.
     store(drift, i, select(cell[0] <= given.vacuum, fill(0.0, rates), rates))
 
 
@@ -170,6 +170,7 @@ def _evaluate(i: int, given: Evaluation, cells: Rows, drift: Rows) -> None:
 def _kick(i: int, cells: Rows, drift: Rows, change: Kick) -> None:
     """Rho v becomes decay rho v + rho gain F."""
     cell = load(cells, i)
+    # v1 = decay v + gain F, times rho.
     gains = mul(scale(cell[0], change.gain), load(drift, i))
     store(cells[1:], i, add(mul(change.decay, cell[1:]), gains))
 
@@ -271,11 +272,13 @@ def _treat_block(
     """
     a, j, start = place
     fields, (planes, rows) = cells.fields, cells.extents.shape[:2]
+    # None on an r-grid, whose angle has no ghosts.
     ghost_planes = (fields.shape[1] - planes) // 2
     row, every = (
         (a + ghost_planes) * fields.shape[2] + j + GHOSTS,
         fields.shape[1] * fields.shape[2],
     )
+    # Rows are counted through all components, which are `every` rows apart.
     here = axpy(cells.moving, every, row)
     # The next row's block comes while this one is worked on. Where the drift is kept, rows are long
     # and hardware reads ahead well enough; what is asked for beside it only stalls.
@@ -290,6 +293,7 @@ def _treat_block(
     if kept:
         drift = rows_at(cells.drift, axpy(cells.rates, planes * rows, a * rows + j), start)
     if force is not None:
+        # The interaction is pi-periodic: theta and theta + pi have the same forces.
         drive = drive_at(force.terms, force.forces, (j, rows, start), a % force.planes * rows + j)
         angular, plane_angle = force.terms.angular, FULL_TURN * a / planes
         given = Evaluation(angles, plane_angle, drive, angular, force.vacuum)
@@ -304,6 +308,7 @@ def _treat_block(
     if work.time != 0.0:
         spins = rows_at(fields, axpy(cells.spin, every, row), start + GHOSTS)
         _turn_row(width, angles, spins, work.time)
+    # With a force it has been done in the first loop.
     if work.limits and force is None:
         _raise_peaks_row(width, moving, further, drift, limit, peaks)
 
@@ -322,7 +327,9 @@ def _treat_lines(
     block = _LONG_BLOCK if cells.drift.shape[1] > 0 else block_size(cells.fields.shape[0])
     # Memory of short rows, or of none, is soon cleared.
     block = min(block, round_up_to_vectors(cells.fields.shape[3]))
+    # A peak a column: one number for all would wait for each comparison.
     found = np.zeros((len(limit.peaks), block if work.limits else 0))
+    # A block of the drift where it is not kept, which so never leaves the cache.
     scratch = np.empty((len(cells.rates), block))
     peaks = rows_at(found, limit.peaks, 0)
     first, end = chunk(task, largest.shape[0], planes * rows)
@@ -334,6 +341,7 @@ def _treat_lines(
             _treat_block((a, j, start), width, cells, force, work, limit, scratch, peaks)
     if work.limits:
         for k in range(found.shape[0]):
+            # Each task has a row of its own; the largest of all does not depend on who was first.
             largest[task, k] = found[k].max()
 
 

@@ -93,6 +93,7 @@ class _Split:
         self._velocities = len(cells.system.velocities)
         self._limit = cells.limit(self.order)
         self._allowed: Allowed = (0.0, CFL_LIMIT)
+        # Fields and drift are all that a restart needs here.
         self.memory = np.zeros(0)
 
     def start(self) -> None:
@@ -140,6 +141,7 @@ class Godunov(_Split):
         cells.update_forces()
         # Before the next step is chosen: the speed of sound may have changed.
         cells.react(dt)
+        # Of the torque what the kick makes of the old angle: the implicit turn goes on from there.
         change = implicit_kick(cells.terms, dt, self._velocities)
         self._meet_forces(change)
         if cells.system.carried_angle:
@@ -175,11 +177,14 @@ class KickDriftKick(_Split):
         cells, half = self._cells, 0.5 * dt
         change = exact_kick(cells.terms, half, self._velocities)
         axes = cells.axes if count % 2 == 0 else cells.axes[::-1]
+        # Half a kick and half a turn in one pass over memory.
         cells.treat(self._limit, change, half)
         cells.react(half)
         cells.transport_all(self._make_flux, axes, dt)
+        # The other half of the turn, so that the interaction finds place and angle of the step's end.
         cells.turn(self._limit, half)
         cells.react(half)
+        # Mass is where the flight has ended: the interaction need not look elsewhere.
         cells.narrow_extents()
         cells.update_forces()
         self._meet_forces(change)
@@ -197,6 +202,7 @@ class _Overdamped(_Split):
 
     def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
         super().__init__(cells, make_flux)
+        # Drag is constant: one kick for all steps.
         self._settled = drift_velocity(cells.terms, self._velocities)
 
     def start(self) -> None:
@@ -244,6 +250,7 @@ class OverdampedHeun(_Overdamped):
 
     def __init__(self, cells: CellFields, make_flux: FluxMaker) -> None:
         super().__init__(cells, make_flux)
+        # A kick that makes (v* - v_n)/2 of v_n, with v* = gain F.
         self._correction = Kick(
             tuple(-0.5 for _ in self._settled.gain), scale(0.5, self._settled.gain)
         )
@@ -262,15 +269,18 @@ class OverdampedHeun(_Overdamped):
         axes = cells.axes if count % 2 == 0 else cells.axes[::-1]
         self._fly(dt, axes)
         cells.update_forces()
+        # v* is of the forces where the first flight has led.
         correction = extremes_of(
             cells.treat(self._limit, self._correction, fresh=True, limits=True)
         )
+        # `not <=`: a correction that is no number is refused as well.
         if not max(correction.speed / cells.grid.plane.cell, correction.spin) * dt <= (
             _LARGEST_CORRECTION
         ):
             for kept, array in zip(self._before, self._stepped, strict=True):
                 np.copyto(array, kept)
             return False
+        # The short flight carries nothing in: what comes in has come with the first one.
         self._fly(dt, axes[::-1], drifts=False)
         cells.update_forces()
         self._meet_forces(self._settled)

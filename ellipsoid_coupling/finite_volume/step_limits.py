@@ -95,6 +95,7 @@ class CellwiseLimit(NamedTuple):
         """The steps that space and the angle allow; infinite where nothing moves, 0 if not finite."""
         pairs = list(zip(self.distances, peaks.tolist(), strict=True))
         longest = [far / speed if speed > 0.0 else math.inf for far, speed in pairs if far > 0.0]
+        # x and y, and the angle if there is any.
         return min(longest[:2]), min(longest[2:], default=math.inf)
 
     def allowed(self, peaks: Floats) -> Allowed:
@@ -191,6 +192,7 @@ class ExtremesLimit(NamedTuple):
         force = found.force if self.driven or found.speed == 0.0 else 0.0
         torque = found.torque if self.driven else 0.0
         flight = _longest(found.speed, force, self.damping[0], self.distance, self.ahead)
+        # Half of the way or more at the present speed: it is the speed that limits.
         reason = CFL_LIMIT if flight * found.speed >= 0.5 * self.distance else FORCE_LIMIT
         if math.isinf(self.turn):
             return flight, reason
@@ -200,6 +202,7 @@ class ExtremesLimit(NamedTuple):
 
 def extremes_of(peaks: Floats) -> Extremes:
     """Speed, force and, where something turns, spin and torque, (2 or 4,), by their names."""
+    # Where nothing turns there are two peaks.
     speed, force, spin, torque = (*peaks.tolist(), 0.0, 0.0)[:4]
     return Extremes(speed, spin, force, torque)
 
@@ -223,6 +226,7 @@ def _sizes_of_cell(
 ) -> Values:
     rates = map_fields(_size, (inverse,), (momenta,))
     forces = map_fields(_size, (1.0,), (drift,))
+    # Both components by themselves: no root a cell.
     return (max(rates[0], rates[1]), max(forces[0], forces[1]), *rates[2:], *forces[2:])
 
 

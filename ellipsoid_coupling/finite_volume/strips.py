@@ -58,13 +58,18 @@ class Strips(NamedTuple):
 
 def strips_of(runs: Runs, plane: Plane, periodic: bool, threads: int) -> Strips:
     """Cut runs along y into strips, enough of them for all threads, and at the seam of a periodic y."""
+    # Rows of a strip if all strips had as many.
     fair = -(-int(runs.length.sum()) // (STRIPS_PER_THREAD * threads))
+    # Shorter strips would copy more rows beside their cuts than they gain.
     pieces = np.maximum(-(-runs.length // max(fair, SHORTEST_STRIP)), 1)
     run = np.repeat(np.arange(pieces.size), pieces)
+    # The number of a strip within its run: all but the first one begin at a cut.
     piece = np.arange(run.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     begin, end = (k * runs.length[run] // pieces[run] for k in (piece, piece + 1))
     first, inner = runs.first[run] + begin * plane.row, piece > 0
+    # Cuts are counted as they come.
     low = np.where(inner, np.cumsum(inner) - 1, -1)
+    # A strip ends where the next one begins; behind the last one of a run a run begins, which is no cut.
     high = np.append(low[1:], -1)
     above = first[inner]
     strips = Strips(first, end - begin, runs.width[run], low, high, above - plane.row, above)
@@ -74,9 +79,12 @@ def strips_of(runs: Runs, plane: Plane, periodic: bool, threads: int) -> Strips:
 def _with_seams(strips: Strips, plane: Plane) -> Strips:
     """One more cut for each plane where a strip begins at the bottom or ends at the top."""
     rows = plane.next_plane // plane.row
+    # Rows of padded planes; from the corner on interior ones are 0 .. rows - 1.
     a, j = np.divmod((strips.first - plane.corner) // plane.row, rows)
     bottom, top = j == 0, j + strips.length == plane.rows
+    # Only planes in which something looks across the seam.
     planes = np.unique(a[bottom | top])
+    # Seams are counted behind the cuts.
     seam = strips.above.size + np.searchsorted(planes, a)
     lowest = plane.corner + planes * plane.next_plane
     return strips._replace(
@@ -87,6 +95,7 @@ def _with_seams(strips: Strips, plane: Plane) -> Strips:
     )
 
 
+# The same in each step of an r-grid.
 @functools.cache
 def whole_plane(
     padded: tuple[int, int], periodic: bool, threads: int
@@ -96,4 +105,5 @@ def whole_plane(
     corner = GHOSTS * (padded[1] + 1)
     plane = Plane(padded[1], padded[0] * padded[1], columns, rows, corner)
     runs = Runs(*(np.full(1, number) for number in (corner, rows, columns)))
+    # All of each row: an r-grid is filled.
     return plane, strips_of(runs, plane, periodic, threads), np.array([[[0, columns]] * rows])

@@ -91,6 +91,7 @@ def _along(
     cell : their flat index; inverses : 1/rho from there on.
     through : overwritten by the mass that goes up through face i, for each i.
     """
+    # Nothing comes through the face before the first: it would go into a ghost, which is not stored.
     leaving = fill(0.0, load(cells, 0))
     up = kept_for(flux, leaving)
     for i in range(through.size):
@@ -143,6 +144,7 @@ def sweep_row(
     inverses, through = scratch.inverses[: whole + 2], scratch.through[:whole]
     invert(cells, flux.vacuum, inverses)
     _along(flux, cells, cell, width, ratio, inverses, through)
+    # A face counts upwards: what goes through the lower one comes in.
     return float(through[width + 1] - through[1])
 
 
@@ -236,6 +238,7 @@ def sweep_runs(
         The mass that has left through the ends of runs, less what came in, in units of a cell's
         density.
     """
+    # A number a run: the order of their sum does not depend on threads.
     outflow = np.empty(runs.first.size)
     components = in_order(fields.shape[0], normal)
     with small_chunks(runs.first.size):

@@ -64,6 +64,7 @@ class System(NamedTuple):
     @property
     def further(self) -> tuple[int, ...]:
         """Which components are neither density, velocities nor an angle."""
+        # By name: only what steppers know by a name of its own has forces or a Newton step.
         known = (DENSITY, MEAN_ANGLE, *VELOCITIES)
         return tuple(k for k, name in enumerate(self.components) if name not in known)
 
@@ -87,6 +88,7 @@ class System(NamedTuple):
 
 def rho_system(turns: bool, slaved: bool = False) -> System:
     """The components of the rho-equations: the mean angle is carried along."""
+    # Nothing turns circles: neither the angle nor its rate is computed.
     angle = (MEAN_ANGLE, VELOCITIES[2]) if turns else ()
     return System((DENSITY, *VELOCITIES[:2], *angle), (-1, -2), slaved=slaved)
 

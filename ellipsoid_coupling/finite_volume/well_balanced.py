@@ -95,6 +95,7 @@ class WellBalancedHeun:
         self._system, self._make_flux = system, make_flux
         # Pressure is a q-equation's, whose forces these are.
         self._forces = cast(AngleGridForces, system.find_forces)
+        # SIGNAL stands for the speed of sound, so that the pressure adds none of its own.
         self._limit = system.cellwise_limit(1)._replace(sound=SIGNAL, damped=True, pressure=0.0)
         # By time: of a flow that changes, those of a step's start and end.
         self._steady = {system.time: self._steady_forces()}
@@ -138,10 +139,12 @@ class WellBalancedHeun:
 
     def _find_largest_step(self) -> tuple[float, int]:
         system = self._system
+        # Without the interaction, whose pull `memory` has.
         force = acceleration(system.terms, self._forces.walls)
         look = _look(system.terms, len(system.system.velocities), limits=True)
         peaks = treat(system.cells, force, look, self._limit)
         shortest = self._limit.steps(peaks)
+        # x and y have one step, the angle has its own.
         steps = [shortest[0], shortest[0], shortest[1]]
         rates = dampings(system.terms, 3)
         for d, distance in enumerate(self._limit.distances[: len(system.axes)]):
@@ -152,6 +155,7 @@ class WellBalancedHeun:
             root = speed + math.hypot(speed, math.sqrt(2.0 * pull * distance))
             held = speed + (pull / damping if damping > 0.0 else np.inf)
             shortened = 2.0 * distance / root if root > 0.0 else np.inf
+            # Either bound suffices, so that the longer step is allowed.
             steps[d] = max(shortened, distance / held) if held > 0.0 else shortened
         return shorter((min(steps[:2]), steps[2]))
 
@@ -167,6 +171,7 @@ class WellBalancedHeun:
         known, self._steady = self._steady, {}
         for t in (system.time, system.after):
             system.set_terms(t)
+            # Most often the start of a step is the end of the one before.
             self._steady[t] = known[t] if t in known else self._steady_forces()
         return self._steady[system.time], self._steady[system.after]
 
@@ -176,6 +181,7 @@ class WellBalancedHeun:
         This happens when the first stage nearly empties a cell whose momentum the second stage uses.
         """
         system = self._system
+        # Extents are replaced by each sweep and not written to: no copy of them.
         kept = system.outflow.copy(), self.memory.copy(), system.extents
         potential, steady = self._potential(0.5 * dt), self._steady_of_step()
         self._note_pull(potential)
@@ -189,6 +195,7 @@ class WellBalancedHeun:
                 self._step_lines(axis, steady, potential, dt)
                 continue
             self._fill(axis)
+            # Before the first direction both are the same: one copy does.
             before = self._start if axis == order[0] else self._before
             _copy(system.fields, before)
             self._step_along(axis, steady, potential, before, dt)
@@ -212,9 +219,11 @@ class WellBalancedHeun:
             flat = [axis for axis in system.axes if system.lines is None or axis == -3]
             for axis in flat:
                 self._fill(axis)
+            # Central differences reach over two cells, hence one half.
             factors = {axis: 0.5 * ahead / system.grid.width(axis) for axis in system.axes}
             density = np.empty(system.grid.shape)
             np.copyto(density, system.inside[Q])
+            # These overwrite the density, lines then subtract from it.
             if flat:
                 numbers = tuple(factors[axis] for axis in flat)
                 set_ahead(system.fields, tuple(flat), numbers, density)
@@ -249,6 +258,7 @@ class WellBalancedHeun:
             if self._ends(axis)[0] == WRAPS:
                 first = np.take(potential, [0], axis)
                 closed = np.concatenate((potential, first), axis)
+            # The force between two cells is the potential's difference over their distance.
             rise = np.abs(np.diff(closed, axis=axis)).max(initial=0.0)
             self.memory[d] = self._weight(axis) * rise / self._system.grid.width(axis)
 
@@ -262,6 +272,7 @@ class WellBalancedHeun:
         planes, ny, nx = system.grid.shape
         kinds = np.array([at_side(kind) == "reflect" for kind in lines.kinds])
         distinct, there = (1, ()) if potential is None else (potential.shape[0], (0,))
+        # Twice the same array, unless the flow changes.
         works = self._works[axis], self._works_after[axis]
         fluxes: list[Flux] = []
         for force, work in zip(steady, works, strict=True):
@@ -270,6 +281,7 @@ class WellBalancedHeun:
                 (ny * nx, nx, 1) if axis == -1 else (ny * nx, 1, nx), kinds[whole.lines.kind],
                 (0.5 * system.grid.width(axis), self._weight(axis)),
             )  # fmt: skip
+            # In a steady flow both stages have one array, which is set once.
             if not fluxes or work is not works[0]:
                 set_line_work(forces, whole, work)
             fluxes.append(self._make_flux(system.transported(axis, dt)._replace(tilt=work[0])))
@@ -306,6 +318,7 @@ class WellBalancedHeun:
         stage = self._stage(axis, dt)
         normal = NORMAL[axis]
         stride = math.prod(system.grid.padded[3 + axis + 1 :])
+        # Of this direction alone: others have been counted in full.
         before_stages = system.outflow.copy()
         system.transport(flux, axis, dt)
         source = work, Limits(system.smooth_part(axis), system.vacuum)
@@ -314,6 +327,7 @@ class WellBalancedHeun:
         # The second stage's source needs density and momentum as the first stage has left them,
         # ghosts included.
         _copy(system.fields, middle, (Q, normal))
+        # In a flow that changes the second stage has the forces of the step's end.
         if steady[1] is not steady[0]:
             set_work(steady[1][-1 - axis], *shared)
         system.transport(flux, axis, dt)
@@ -362,6 +376,7 @@ def balanced_torque(angular: Record, angles: Floats) -> Floats:
     number = angles.size
     energy = np.array([angular_energy(angular, float(angle)) for angle in angles])
     halves = np.pi / number * np.arange(number // 2 + 1)
+    # The highest harmonic of an even number of angles would be multiplied by tan(pi/2).
     raised = np.tan(halves) * (2 * np.arange(halves.size) < number)
     torque = np.fft.irfft(-1j * number / np.pi * raised * np.fft.rfft(energy), number)
     return np.asarray(torque, np.float64)

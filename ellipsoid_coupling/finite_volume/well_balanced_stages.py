@@ -36,6 +36,7 @@ Floats = NDArray[np.float64]
 def exponential_weights(rate: float, dt: float) -> tuple[float, float, float]:
     """exp(-z), phi_1 and phi_2 at z = rate dt; 1, 1 and 1/2 at 0."""
     z = rate * dt
+    # phi_1 = (1 - e^-z)/z.
     first = exact_gain(rate, dt) / dt
     # The quotient loses digits for small z, where two terms of the series are exact to 1e-9.
     second = (1.0 - first) / z if z > 1e-4 else 0.5 - z / 6.0
@@ -72,6 +73,7 @@ class Forced(NamedTuple):
 def _forced(q: Floats, work: Floats, start: int, stride: int, limits: Limits) -> Forced:
     """Of the cells from `start` on of a flat density (1, cells), and the work (2, cells)."""
     own = rows_at(q, (0,), start)
+    # `+` sets rows side by side.
     around = rows_at(q, (0,), start - stride) + own + rows_at(q, (0,), start + stride)
     return Forced(
         around, rows_at(work, (0, 1), start), rows_at(work, (0, 1), start - stride), limits
@@ -95,6 +97,7 @@ class Stage(NamedTuple):
 @inline_kernel
 def _push_cell(i: int, forced: Forced, before: Rows, moved: Rows, stage: Stage) -> None:
     m, now = load(before, i)[0], load(moved, i)[0]
+    # dt R0: what transport has changed, and the source.
     push = now - m + stage.ratio * _source_at(forced, i)
     store(moved, i, (stage.decay * m + stage.first * push,))
 
@@ -110,6 +113,7 @@ def _run(extents: Extents, task: int, padded: tuple[int, int]) -> tuple[int, int
     """Where the run of a row, counted through all angles, begins in flat fields, and its width."""
     rows = extents.shape[1]
     a, j = task // rows, task % rows
+    # Extents count interior cells; flat fields have ghosts along every axis.
     row = ((a + GHOSTS) * padded[0] + j + GHOSTS) * padded[1] + GHOSTS
     return row + extents[a, j, 0], max(extents[a, j, 1] - extents[a, j, 0], 0)
 
@@ -149,6 +153,7 @@ def _combine_cell(
     means = scale(0.5, add(before, after))
     # A mean of mass and vacuum never gets to 0 by itself, and its velocity is made of rounding.
     empty = means[DENSITY] <= forced.limits.vacuum
+    # The momentum by ETD2RK, all else by Heun's mean.
     new_cell = (means[DENSITY], m1 + stage.second * change, *means[2:])
     store(new, i, select(empty, 0.0, new_cell))
 
@@ -180,6 +185,7 @@ def combine(
     fields, before, middle = states
     padded = fields.shape[2], fields.shape[3]
     old, new = before.reshape(fields.shape[0], -1), fields.reshape(fields.shape[0], -1)
+    # Density and momentum: all that the second stage needs of the first.
     half = middle.reshape(2, -1)
     for task in numba.prange(extents.shape[0] * extents.shape[1]):
         start, width = _run(extents, task, padded)

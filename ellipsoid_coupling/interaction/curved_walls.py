@@ -67,9 +67,11 @@ class CurvedWalls:
         felt = position < depth
         self.cell = np.asarray((j * centres[0].size + i)[felt])
         position = position[felt]
+        # A wall may cut a cell and be nearer than h/2: there the first two rows are extended.
         self._row = np.clip(np.floor(position), 0, max(depth - 1, 0)).astype(np.int64)
         self._part = position - self._row
         self._normal = np.ascontiguousarray(normal[felt])
+        # The fluid lies on the left: the way along a wall is its normal, turned back by a quarter turn.
         self._wall = np.arctan2(-self._normal[:, 0], self._normal[:, 1])
 
     def add_to(self, forces: Forces, density: Array, angle: Array) -> None:
@@ -80,6 +82,7 @@ class CurvedWalls:
             (forces.x, self._normal[:, 0] * push),
             (forces.y, self._normal[:, 1] * push),
         ):
+            # Fields are contiguous, so that `ravel` is a view and the sum stays in them.
             values.ravel()[self.cell] += np.where(count, add, 0.0)
         if forces.torque is not None:
             forces.torque.ravel()[self.cell] += np.where(count, turn, 0.0)
@@ -116,8 +119,10 @@ def _nearest(edges: Array, places: Array, reach: float, h: float) -> tuple[Array
     points = start[of] + ((step + 0.5) / parts[of])[:, None] * way[of]
     # The points of an edge are half a cell apart: its nearest one is as far as that beside the foot.
     count = min(_CANDIDATES, len(points))
+    # Hence also `+ h`: who is within reach of an edge is no further than that from one of its points.
     near = KDTree(points).query(places, k=count, distance_upper_bound=reach + h)
     distance, point = (np.reshape(one, (len(places), count)) for one in near)
+    # Where fewer points are near, scipy fills up with infinity and an index that is none.
     found = np.isfinite(distance)
     edge = of[np.where(found, point, 0)]
     there = places[:, None]
@@ -126,6 +131,7 @@ def _nearest(edges: Array, places: Array, reach: float, h: float) -> tuple[Array
     apart = np.where(found, np.hypot(*np.moveaxis(there - foot, -1, 0)), np.inf)
     turned = np.stack((-way[:, 1], way[:, 0]), axis=-1) / length[:, None]
     facing = ((there - start[edge]) * turned[edge]).sum(axis=-1)
+    # From behind a wall is none: a plate is an edge for either side.
     apart = np.where(facing > 0.0, apart, np.inf)
     nearest = apart.min(axis=-1, keepdims=True)
     # Of edges at one distance, as at a corner, the one that faces most.

@@ -73,6 +73,7 @@ class DirectInteraction:
         """See `GridInteraction`."""
         check_fields(self.grid_shape, density, angle)
         extents = occupied_extents(density[None])[0]
+        # Once a cell: no pair takes a sine or a cosine.
         fields = _Fields(np.cos(2.0 * angle), np.sin(2.0 * angle), density, extents)
         force = np.zeros((2, *self.grid_shape))
         turns = self._setup.shape.shape_factor != 0.0
@@ -105,6 +106,7 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
     sums = np.zeros((2, c2.shape[1]))
     for source in range(max(0, row - widths.size + 1), min(c2.shape[0], row + widths.size)):
         width = widths[abs(source - row)]
+        # Rows and offsets in one order, whichever thread has the row: the same bits.
         for offset in range(-width, width + 1):
             a = max(first, extents[source, 0] - offset)
             b = min(end, extents[source, 1] - offset)
@@ -113,12 +115,14 @@ def _sum_row(row: int, fields: _Fields, setup: _Setup, force: Array, torque: Arr
                 continue
             # All these pairs have one offset, so that only angles vary along the loop.
             delta = offset * h, (source - row) * h
+            # Cut out before the loop: an index that is a sum would be gathered, not read in line.
             target = c2[row, a:b], s2[row, a:b]
             a_bar, b_bar = a + offset, b + offset
             bar = c2[source, a_bar:b_bar], s2[source, a_bar:b_bar], density[source, a_bar:b_bar]
             pull = sums[0, a:b], sums[1, a:b]
             _add_offset(pull, rows_at(torque, (row,), a), target, bar, delta, shape)
     for j in range(first, end):
+        # Empty cells between occupied ones have been summed over as well, so that the loop has no branch.
         held = density[row, j] != 0.0
         force[0, row, j] = scale * sums[0, j] if held else 0.0
         force[1, row, j] = scale * sums[1, j] if held else 0.0

@@ -49,12 +49,14 @@ def half_widths(shape: PotentialShape, h: float) -> NDArray[np.int64]:
     """
     cells = shape.reach / h
     rows = np.arange(math.floor(cells) + 1)
+    # U vanishes on the rim: an offset there that rounding leaves out is none that is missed.
     widths: NDArray[np.int64] = np.floor(np.sqrt(cells**2 - rows**2)).astype(np.int64)
     return widths
 
 
 def check_grid(grid_shape: tuple[int, int], h: float) -> None:
     """Raise InputError unless `grid_shape` (ny, nx) has cells and the spacing `h` is positive."""
+    # `not (h > 0)` refuses NaN as well.
     if min(grid_shape) < 1 or not (h > 0.0 and math.isfinite(h)):
         raise InputError(
             "interaction grid",

@@ -26,6 +26,7 @@ def occupied_extents(density: Array) -> Indices:
         a, j = line // rows, line % rows
         row = density[a, j]
         first, end = 0, columns
+        # `== 0` is false for NaN, which so counts as mass and is found.
         while first < end and row[first] == 0.0:
             first += 1
         while end > first and row[end - 1] == 0.0:

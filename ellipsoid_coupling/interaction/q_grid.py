@@ -99,9 +99,11 @@ class AngleGridInteraction:
         tolerance: float = 0.0,
         periods: tuple[bool, bool] = (False, False),
     ) -> None:
+        # Of three numbers of cells none may be 0.
         check_grid((min(grid_shape[:2]), grid_shape[2]), h)
         self.grid_shape = grid_shape
         self.angles = distinct_angles(grid_shape[0], shape)
+        # eps0 h^2 k of the sums above.
         scale = strength * h * h * 2.0 * np.pi / grid_shape[0]
         # Forces are minus the slopes of the potential.
         sign = -1.0 if quantity == "forces" else 1.0
@@ -168,6 +170,7 @@ class AngleGridInteraction:
     def _convolve(self, density: Array, angles: _Angles, out: Real) -> None:
         """Of the rectangle `density` (angles, rows, columns) to `out` (components, n, ...)."""
         _, rows, columns = density.shape
+        # The first axis counts half turns: cells a and a + n are one to the potential.
         folds = density.reshape(-1, self.angles, rows, columns)
         blocks, padded = self._spectra.for_cells(rows, columns)
         # All of them are a view of the array.
@@ -179,6 +182,7 @@ class AngleGridInteraction:
             return folded.astype(self._precision)
 
         def take(part: slice, fields: Real) -> None:
+            # Beyond these columns there is padding, which holds what images do.
             out[:, which, part] = fields[..., :columns]
 
         transforms = self._transforms
@@ -201,6 +205,7 @@ class AngleGridInteraction:
 def _mirrored_angles(holding: NDArray[np.bool_]) -> _Angles:
     """The angles with mass and their mirror images; `holding` (n,) tells which."""
     # Angle cell a is mirrored to -a, which `multiply` needs together with a.
+    # Element a of what is rolled is holding[-a].
     taking_part = holding | np.roll(holding[::-1], 1)
     which = np.flatnonzero(taking_part)
     among = np.cumsum(taking_part) - 1

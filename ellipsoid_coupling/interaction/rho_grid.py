@@ -76,6 +76,7 @@ class HarmonicInteraction:
         check_grid(grid_shape, series.h)
         self.grid_shape = grid_shape
         self.series = series
+        # What enters the products has to fit into single precision as well.
         sizes = series.h**2, series.shape.size, strength
         self.precision = precision_for(series.tolerance, *sizes)
         kernel = AngularKernel(series, strength, self.precision)
@@ -106,6 +107,7 @@ class HarmonicInteraction:
             return basis[:, part] * mass
 
         def add(part: slice, fields: Real) -> None:
+            # All rows of the basis are there: the way back begins when the way forth has ended.
             _evaluate(fields, basis[:, part], density[part], out[:, part])
 
         self._convolve(basis.shape, sources, add)
@@ -162,5 +164,6 @@ def _evaluate(fields: Real, basis: Real, density: Array, out: Array) -> None:
                 for j in range(basis.shape[2]):
                     out[c, i, j] += fields[c, p, i, j] * basis[p, i, j]
             for j in range(basis.shape[2]):
+                # In vacuum the convolution is not 0, but the forces of `GridInteraction` are.
                 if density[i, j] == 0.0:
                     out[c, i, j] = 0.0

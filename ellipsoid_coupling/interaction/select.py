@@ -107,7 +107,9 @@ def _most_harmonics(
     while True:
         functions = 2 * (harmonics + 1) + 1
         points = (1 + components) * functions * py * px
+        # A quarter of all frequencies: fields are real, and ky >= 0 tells the others (`spectra`).
         entries = components * functions**2 * (py // 2 + 1) * (px // 2 + 1)
+        # Doubles move twice as many bytes as the floats that were measured.
         cost = bytes_each / 4 * (POINT_COST * points + ENTRY_COST * entries)
         if entries * bytes_each > MOST_BYTES or (cheap and cost > pairs):
             return harmonics

@@ -32,6 +32,7 @@ def ghosts_along(ends: Floats, length: float) -> GhostParticles:
 def walls_of(ends: Floats) -> list[tuple[Floats, bool]]:
     """Edges (E, 2, 2) as lines of points (n, 2) without corners, and whether each is closed."""
     following = _following(ends)
+    # Edges that none leads to.
     first = np.setdiff1d(np.arange(len(ends)), following[following >= 0])
     walls, taken = [], np.zeros(len(ends), np.bool_)
     # Lines that begin somewhere, and then those that do not.
@@ -62,6 +63,7 @@ def _following(ends: Floats) -> NDArray[np.int64]:
         near = np.unique(np.floor(end / size + np.array([[a, b] for a in (-0.5, 0.5) for b in (-0.5, 0.5)]))
                          .astype(np.int64), axis=0)  # fmt: skip
         found = [f for cell in near for f in starts.get((int(cell[0]), int(cell[1])), [])]
+        # The front of a plate leads to its back only by turning round, which is no smooth way.
         smooth = [f for f in found if f != e and float(along[e] @ along[f]) > _SMOOTH]
         if smooth:
             following[e] = max(smooth, key=lambda f: float(along[e] @ along[f]))

@@ -114,6 +114,7 @@ class WallTable:
     def _strip(self, side: str, field: Array) -> Array:
         """A view of the part of `field` (ny, nx) that feels a wall; distance index first."""
         from_wall = field.T if side in ("left", "right") else field
+        # Distance index 0 is the row of cells at the wall.
         return (from_wall[::-1] if side in ("right", "top") else from_wall)[: self.depth]
 
 
@@ -135,10 +136,12 @@ def tabulate_wall(
     entries = _entries(h, widths, shape, scale, np.pi * np.arange(angles) / angles)
     while True:
         between = _entries(h, widths, shape, scale, np.pi * (np.arange(angles) + 0.5) / angles)
+        # Cubic interpolation half-way between four even angles; the torque and the force are pi-periodic.
         near = entries + np.roll(entries, -1, axis=2)
         far = np.roll(entries, 1, axis=2) + np.roll(entries, -2, axis=2)
         error = np.abs((9.0 * near - far) / 16.0 - between).max(axis=(1, 2), initial=0.0)
         angles *= 2
+        # What was made for the comparison is every second angle of the next table.
         entries = np.stack([entries, between], axis=3).reshape(2, -1, angles)
         if np.all(error <= INTERPOLATION_TOLERANCE * np.abs(entries).max(axis=(1, 2), initial=0.0)):
             return WallTable(sides, entries)
@@ -148,8 +151,11 @@ def _entries(
     h: float, widths: NDArray[np.int64], shape: PotentialShape, scale: float, angles: Array
 ) -> Array:
     """Normal force and torque of the whole wall: (2, R, angles) at distance indices 0 .. R - 1."""
+    # Rows d = 1 .. R: row 0 of the disc is the cell's own.
     rows = np.zeros((2, widths.size - 1, angles.size))
+    # Shared loops take plain tuples of numbers, no named ones.
     _row_forces(h, widths, tuple(shape), np.cos(2.0 * angles), np.sin(2.0 * angles), rows)
+    # A cell at distance index i feels the rows d > i, added up from the farthest one on.
     return -scale * np.cumsum(rows[:, ::-1], axis=1)[:, ::-1]
 
 
@@ -169,6 +175,7 @@ def _row_forces(
         d = k + 1
         for j in range(-widths[d], widths[d] + 1):
             for a in range(cosines.size):
+                # The ghost's main axis lies along the wall: its angle is 0.
                 _, _, slope, turning = pair_potential(
                     j * h, -d * h, cosines[a], sines[a], 1.0, 0.0, constants
                 )
@@ -184,10 +191,13 @@ def look_up(entries: Array, row: int, angle: float) -> tuple[float, float]:
     cell = np.floor(place)
     t = place - cell
     before, after = 1.0 + t, 2.0 - t
+    # Lagrange's weights of the points -1, 0, 1 and 2 at t. They add up to 1, so that the single
+    # angle of circles is itself.
     w0 = -t * (1.0 - t) * after / 6.0
     w1 = before * (1.0 - t) * after / 2.0
     w2 = before * t * after / 2.0
     w3 = -before * t * (1.0 - t) / 6.0
+    # The remainder is not negative, whatever the angle is.
     first = int(cell) % angles
     i0, i2, i3 = (first - 1) % angles, (first + 1) % angles, (first + 2) % angles
     n, m = entries[0, row], entries[1, row]
@@ -213,9 +223,11 @@ def _add_strip(
     angle: Array,
 ) -> None:
     """Add to `pull`, the force's component across, and to `torque`; all fields are strips."""
+    # One of both is 0.
     direction = frame.normal_x + frame.normal_y
     for i in range(density.shape[0]):
         for j in range(density.shape[1]):
+            # Forces are 0 in vacuum, those of walls as well.
             if density[i, j] != 0.0:
                 normal, turning = look_up(entries, i, angle[i, j] - frame.angle)
                 pull[i, j] += direction * normal

@@ -88,6 +88,7 @@ class Walls:
         if unknown or not self.sides or len(set(self.sides)) < len(self.sides):
             known = ", ".join(WALL_FRAMES)
             raise InputError("walls", f"some of {known}", f"{self.sides}", "Name each side once.")
+        # `not <` and `not >` refuse NaN as well.
         if any(not low < high for low, high in self.domain):
             raise InputError("walls", "low < high", f"{self.domain}", "Give the domain's bounds.")
         if not min(self.length, self.particles, self.strength_factor) > 0:
@@ -113,17 +114,21 @@ class Walls:
             along: Array = 0.5 * (low + high) + self.length * (
                 np.arange(count, dtype=np.float64) - 0.5 * (count - 1)
             )
+            # On the wall itself, nothing beyond it.
             parts.append(self._place(side, along, np.zeros(count)))
         return GhostParticles(*np.concatenate(parts, axis=1))
 
     def depth(self, h: float) -> int:
         """Layers of ghost cells of size `h`: as many as the potential reaches."""
+        # Cells further out reach not even the first one of the domain.
         return math.ceil(self.shape.reach / h)
 
     def density(self, h: float) -> float:
         """Density of the ghost cells; "matched": density * depth * h = 1/(L N)."""
         if self.ghost_density == "paper":
+            # As printed; see "Errata" on what comes of it.
             return 1.0 / h**2
+        # Ghost particles of 1/N each, L apart, are 1/(L N) per length of the wall.
         return 1.0 / (self.length * self.particles * self.depth(h) * h)
 
     def ghost_cells(self, h: float) -> GhostCells:
@@ -146,6 +151,7 @@ class Walls:
 
     def table(self, h: float) -> WallTable:
         """Force and torque of the ghost cells on a cell of a grid of spacing `h`."""
+        # eps0 rho h^2 of one ghost cell.
         scale = self.strength_factor * self.strength * self.density(h) * h * h
         return tabulate_wall(self.sides, h, half_widths(self.shape, h), self.shape, scale)
 

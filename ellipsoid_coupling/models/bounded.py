@@ -70,24 +70,28 @@ def with_fates(
     start: ParticleState, setup: Setup, edges: FluidEdges, evenly: bool
 ) -> ParticleState:
     """Particles at their start, with fates where they can end, and slots for what inlets feed in."""
-    blocks, degrees, number = start.place.shape
+    blocks, degrees, number = start.position.shape
     births = scene_births(setup, edges, blocks, number, evenly)
     if births is None and not edges.ends_any:
         return start
     slots = 0 if births is None else births.time.shape[1]
     fates = all_inside(blocks, number + slots)
     fates.code[:, number:] = NOT_YET
-    place, velocity, still = np.zeros((3, blocks, degrees, number + slots))
-    place[:, :, :number], velocity[:, :, :number] = start.place, start.velocity
+    position, velocity, still = np.zeros((3, blocks, degrees, number + slots))
+    position[:, :, :number], velocity[:, :, :number] = start.position, start.velocity
     if births is not None:
-        place[:, :, number:] = births.place
+        position[:, :, number:] = births.position
     frozen = (fates.code != INSIDE).astype(np.uint8)
-    return ParticleState(place, velocity, still, start.clock, None, frozen, fates, births)
+    return ParticleState(position, velocity, still, start.clock, None, frozen, fates, births)
 
 
 def start_count(state: ParticleState) -> int:
     """How many particles there are at the start, which hold a mass of 1."""
-    return state.place[:, 0].size if state.births is None else len(state.place) * state.births.first
+    return (
+        state.position[:, 0].size
+        if state.births is None
+        else len(state.position) * state.births.first
+    )
 
 
 def restore_fates(state: ParticleState, boundaries: int) -> None:
@@ -115,7 +119,7 @@ def restore_fates(state: ParticleState, boundaries: int) -> None:
 
 def inside_of(fates: Fates | None, state: ParticleState) -> int:
     """How many particles are in the fluid."""
-    return state.place[:, 0].size if fates is None else count_inside(fates)
+    return state.position[:, 0].size if fates is None else count_inside(fates)
 
 
 def came_in(births: Births | None) -> int:
@@ -126,7 +130,7 @@ def came_in(births: Births | None) -> int:
 def health_at_edges(state: ParticleState, edges: FluidEdges, start: int) -> Health:
     """Of all realisations together; none that is alive may be in a solid."""
     v, omega, _, _, _ = survey_particles(*state[:3], None)
-    inside, number = inside_of(state.fates, state), state.place[:, 0].size
+    inside, number = inside_of(state.fates, state), state.position[:, 0].size
     # Those that take no part stand still, and count in no mean.
     share = np.sqrt(number / max(inside, 1))
     clock = state.clock
@@ -139,6 +143,6 @@ def health_at_edges(state: ParticleState, edges: FluidEdges, start: int) -> Heal
         0.0,
         (share * v, share * omega),
         forces,
-        count_in_solid(edges.grid, state.place[:, 0], state.place[:, 1]),
+        count_in_solid(edges.grid, state.position[:, 0], state.position[:, 1]),
         (ended - came_in(state.births)) / start,
     )

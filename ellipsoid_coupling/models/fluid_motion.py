@@ -16,14 +16,14 @@ from ellipsoid_coupling.scenes import Scene
 Floats = NDArray[np.float64]
 
 
-def fluid_motion(scene: Scene, flow: FlowField, place: Floats) -> Floats:
+def fluid_motion(scene: Scene, flow: FlowField, position: Floats) -> Floats:
     """Velocity and angular velocity (3, ...) of particles that go with the fluid, at its rim from outside.
 
     Without angular drag the fluid turns nothing: the angular velocity is 0.
 
-    place : (3, ...) float64, x, y and the angle (radian)
+    position : (3, ...) float64, x, y and the angle (radian)
     """
-    x, y, angle = place
+    x, y, angle = position
     particles, rates = scene.particles, scene.flow
     sample = flow.continued(x, y)
     if rates is None or rates.angular_drag == 0.0:

@@ -65,8 +65,8 @@ class Source(NamedTuple):
     way: Floats
     angle: Floats
 
-    def places(self, time: Floats, part: Floats) -> tuple[Floats, Floats]:
-        """Places (2, n) and angles (n,) of what comes in at times (n,), at parts (n,) of all inlets."""
+    def positions(self, time: Floats, part: Floats) -> tuple[Floats, Floats]:
+        """Positions (2, n) and angles (n,) of what comes in at times (n,), at parts (n,) of all inlets."""
         piece, share = self.inflow.pieces(time, part)
         return (self.start[piece] + share[:, None] * self.way[piece]).T, self.angle[piece]
 
@@ -152,14 +152,14 @@ def scene_births(
     slots = max(len(times) for times, _ in drawn)
     degrees = 3 if setup.terms.angle else 2
     time = np.full((blocks, slots), np.inf)
-    place = np.empty((blocks, 3, slots))
-    # Slots that stay empty need a place as well: the first piece's.
-    place[...] = np.array([*source.start[0], source.angle[0]])[:, None]
+    position = np.empty((blocks, 3, slots))
+    # Slots that stay empty need a position as well: the first piece's.
+    position[...] = np.array([*source.start[0], source.angle[0]])[:, None]
     for k, (times, parts) in enumerate(drawn):
         time[k, : len(times)] = times
-        place[k, :2, : len(times)], place[k, 2, : len(times)] = source.places(times, parts)
-    motion = _at_birth(setup, inflow, time, place)
-    kept = (np.ascontiguousarray(values[:, :degrees]) for values in (place, *motion))
+        position[k, :2, : len(times)], position[k, 2, : len(times)] = source.positions(times, parts)
+    motion = _at_birth(setup, inflow, time, position)
+    kept = (np.ascontiguousarray(values[:, :degrees]) for values in (position, *motion))
     return Births(number, np.zeros(blocks, np.int64), time, *kept)
 
 
@@ -193,13 +193,15 @@ def _even_births(inflow: Inflow, number: int, blocks: int) -> list[tuple[Floats,
     return [(times[k::blocks], parts[k::blocks]) for k in range(blocks)]
 
 
-def _at_birth(setup: Setup, inflow: Inflow, time: Floats, place: Floats) -> tuple[Floats, Floats]:
-    """Velocity and drift (R, 3, B) of particles born at times (R, B) and places (R, 3, B).
+def _at_birth(
+    setup: Setup, inflow: Inflow, time: Floats, position: Floats
+) -> tuple[Floats, Floats]:
+    """Velocity and drift (R, 3, B) of particles born at times (R, B) and positions (R, 3, B).
 
     Both are linear in the fluid, so that each of its fields counts by its part at the time.
     """
     assert setup.flow is not None
-    flat = np.ascontiguousarray(place.swapaxes(0, 1)).reshape(3, -1)
+    flat = np.ascontiguousarray(position.swapaxes(0, 1)).reshape(3, -1)
     found = np.zeros((2, *flat.shape))
     for number, field in enumerate(setup.flow.steady_fields()):
         weight = inflow.weights(time.ravel(), number)
@@ -212,10 +214,10 @@ def _at_birth(setup: Setup, inflow: Inflow, time: Floats, place: Floats) -> tupl
     return velocity, drift
 
 
-def _drift_at(setup: Setup, field: FlowField, place: Floats) -> Floats:
-    """The drift (3, n) at place (3, n) of what acts on a particle by itself, in one field of the fluid."""
-    force = np.zeros_like(place)
+def _drift_at(setup: Setup, field: FlowField, position: Floats) -> Floats:
+    """The drift (3, n) at positions (3, n) of what acts on a particle alone, in one field of the fluid."""
+    force = np.zeros_like(position)
     drift = Drift(scene_external(replace(setup, flow=field)), None)
     turns = 3 if setup.terms.angle else 2
-    particle_forces(drift, 0.0, place[:turns], force[:turns])
+    particle_forces(drift, 0.0, position[:turns], force[:turns])
     return force

@@ -89,18 +89,18 @@ def _interact(
     frozen: Flags | None,
     samples: int,
     t: float,
-    place: Floats,
+    position: Floats,
     force: Floats,
 ) -> None:
     """`forces.BlockInteraction` of all samples that take part, each with the mass 1/samples."""
     del t  # the potential does not depend on it
     if frozen is None or not frozen.any():
-        interaction.add_forces(place, weights, force)
+        interaction.add_forces(position, weights, force)
         return
     moving = frozen == 0
     if moving.any():
         part = np.count_nonzero(moving) / samples
-        some = np.ascontiguousarray(place.swapaxes(0, 1)[:, moving])[None]
+        some = np.ascontiguousarray(position.swapaxes(0, 1)[:, moving])[None]
         felt = np.zeros_like(some)
         interaction.add_forces(some, (part * weights[0], part * weights[1]), felt)
         force.swapaxes(0, 1)[:, moving] += felt[0]
@@ -162,7 +162,7 @@ class McKeanVlasov(ParticleModel):
         `samples_across`: see `flow_map_columns`.
         """
         return super().counts() | {
-            "samples": float(self._state.place[:, 0].size),
+            "samples": float(self._state.position[:, 0].size),
             "harmonics": float(self._interaction.harmonics if self._interaction else 0),
             "nodes_per_width": self._interaction.nodes_per_width if self._interaction else 0.0,
             "samples_across": float(self._columns),

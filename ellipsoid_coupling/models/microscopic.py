@@ -68,14 +68,14 @@ class Microscopic(ParticleModel):
         start = start_state(setup, edges, points, realisations, earlier=earlier)
         super().__init__(name, setup, edges, start, number)
         self._drift = scene_drift(setup, edges)
-        slots = start.place.shape[2]
+        slots = start.position.shape[2]
         self._large = LargeCloud(self._drift, slots) if slots >= LARGE_CLOUD else None
         self._workspace = BufferPool()
 
     def _steps_per_call(self) -> int:
         if self._drift.pairs is not None:
             return PAIR_STEPS_PER_CALL
-        many = self._state.place[:, 0].size >= MANY_FREE_PARTICLES
+        many = self._state.position[:, 0].size >= MANY_FREE_PARTICLES
         return MANY_FREE_PARTICLE_STEPS_PER_CALL if many else FREE_PARTICLE_STEPS_PER_CALL
 
     def _step(self, state: ParticleState, until: float, steps: int) -> None:
@@ -84,7 +84,7 @@ class Microscopic(ParticleModel):
             forces = BlockForces(self._drift, None)
             advance_own_clocks(stepper, state, forces, rates, limits, until, steps)
             return
-        for k in range(len(state.place)):
+        for k in range(len(state.position)):
             one = plain(realisation)(state, k)
             frozen = None if one.frozen is None else one.frozen[0]
             cloud = Forces(None, partial(self._large.set_forces, frozen=frozen), self._workspace)

@@ -131,7 +131,7 @@ class ParticleModel(ABC):
         components = (rates.last_noisy - rates.first_noisy) * self._stepper.noise_per_step
         if components == 0:
             return None
-        realisations, _, number = state.place.shape
+        realisations, _, number = state.position.shape
         first = self._setup.first_realisation
         # A realisation that has arrived keeps its block number, so that its noise does not depend on how
         # long the others take.
@@ -175,7 +175,7 @@ class ParticleModel(ABC):
         """Positions, velocities, drift, clocks and the number of noise blocks used."""
         fields = self._state
         arrays: Arrays = {
-            "place": fields.place,
+            "place": fields.position,  # its name in checkpoints
             "velocity": fields.velocity,
             "force": fields.force,
             "clock": fields.clock,
@@ -198,12 +198,12 @@ class ParticleModel(ABC):
         current = self.state()
         for name, array in state.items():
             current[name][...] = array
-        place, frozen, flow = self._state.place, self._state.frozen, self._setup.flow
+        position, frozen, flow = self._state.position, self._state.frozen, self._setup.flow
         if self._state.fates is not None:
             assert self._edges is not None
             restore_fates(self._state, len(self._edges.names))
         elif frozen is not None and flow is not None:
-            frozen[...] = ~flow.at(self.time).evaluate(place[:, 0], place[:, 1]).inside
+            frozen[...] = ~flow.at(self.time).evaluate(position[:, 0], position[:, 1]).inside
 
     def failure_site(self) -> FailureSite:
         """The particle that is pulled hardest."""
@@ -224,7 +224,7 @@ class ParticleModel(ABC):
             fates = self._state.fates or all_inside(1, self._start)
             log = fate_log(fates, self._state.births, self._edges, self._start)
             return step_log(self._state.clock) | log
-        left, number = count_frozen(self._state), self._state.place[:, 0].size
+        left, number = count_frozen(self._state), self._state.position[:, 0].size
         return step_log(self._state.clock) | {
             "particles_outside_flow": float(left),
             "mass_start": 1.0,
@@ -321,39 +321,39 @@ def start_state(
     start = setup.scene.start
     clock = new_clock(clocks, setup.scene.numerics.time_step, GIVEN)
     if earlier is not None:
-        return placed(setup, edges, earlier.place, clock, earlier.velocity, evenly=evenly)
-    places = np.array(start.places())
-    if places.size:
-        points = np.broadcast_to(places[:, :2].T, (setup.realisations, 2, len(places)))
+        return placed(setup, edges, earlier.position, clock, earlier.velocity, evenly=evenly)
+    positions = np.array(start.places())
+    if positions.size:
+        points = np.broadcast_to(positions[:, :2].T, (setup.realisations, 2, len(positions)))
     blocks, _, size = points.shape
-    place = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
-    place[:, :2] = points
-    if places.size:
-        place[:, 2:] = places[:, 2]
-    return placed(setup, edges, place, clock, evenly=evenly)
+    position = np.full((blocks, 3 if setup.terms.angle else 2, size), start.own_angle)
+    position[:, :2] = points
+    if positions.size:
+        position[:, 2:] = positions[:, 2]
+    return placed(setup, edges, position, clock, evenly=evenly)
 
 
 def placed(
     setup: Setup,
     edges: FluidEdges | None,
-    place: Floats,
+    position: Floats,
     clock: Floats,
     velocity: Floats | None = None,
     *,
     evenly: bool = False,
 ) -> ParticleState:
-    """Particles at `place` (blocks, D, n) with that velocity, or the scene's; see `start_state`."""
+    """Particles at `position` (blocks, D, n) with that velocity, or the scene's; see `start_state`."""
     scene = setup.scene
     if edges is None:
-        require_start_inside(scene, setup.flow, place[:, 0], place[:, 1])
+        require_start_inside(scene, setup.flow, position[:, 0], position[:, 1])
     else:
-        require_start_in_fluid(setup, edges, place[:, 0], place[:, 1])
-        place[:, :2] = off_the_edges(edges, place[:, :2])
-    moving = start_velocity(setup, place) if velocity is None else velocity
-    still, frozen = np.zeros_like(place), None
+        require_start_in_fluid(setup, edges, position[:, 0], position[:, 1])
+        position[:, :2] = off_the_edges(edges, position[:, :2])
+    moving = start_velocity(setup, position) if velocity is None else velocity
+    still, frozen = np.zeros_like(position), None
     if edges is None and scene_mesh(setup) is not None:
-        frozen = np.zeros((place.shape[0], place.shape[2]), np.uint8)
-    state = ParticleState(place, moving, still, clock, None, frozen)
+        frozen = np.zeros((position.shape[0], position.shape[2]), np.uint8)
+    state = ParticleState(position, moving, still, clock, None, frozen)
     return state if edges is None else with_fates(state, setup, edges, evenly)
 
 
@@ -376,7 +376,7 @@ def require_none_left(state: ParticleState, setup: Setup, name: str) -> None:
         return
     assert setup.flow is not None
     block, i = (int(index) for index in np.argwhere(state.frozen)[0])
-    x, y = (float(value) for value in state.place[block, :2, i])
+    x, y = (float(value) for value in state.position[block, :2, i])
     raise RunError(
         f"{_where(state, setup, name, block)}: "
         f"a particle has left the flow at ({x:.6g}, {y:.6g}). Its mesh lies in "

@@ -25,8 +25,8 @@ def count_frozen(state: ParticleState) -> int:
 def _still_angles(scene: Scene, number: int) -> Floats:
     """Where nothing turns, (number,): each point's own angle, or that of all."""
     angles = np.full(number, scene.start.own_angle)
-    if places := scene.start.places():
-        angles[: len(places)] = [angle for _, _, angle in places]
+    if positions := scene.start.places():
+        angles[: len(positions)] = [angle for _, _, angle in positions]
     return angles
 
 
@@ -36,16 +36,16 @@ def particle_snapshot(state: ParticleState, scene: Scene) -> Arrays:
     Where nothing turns, the angle is that of the start and the angular velocity 0. Where the flow's
     mesh can be left, `frozen` is 1 for those that have. Where particles can end at patches, `fate` is a
     code of `geometry.fate_codes`, and `end_time` tells when they ended, NaN before; before its birth a
-    particle has no place.
+    particle has no position.
     """
-    place, velocity = state.place, state.velocity
-    turns, still = place.shape[1] == 3, np.zeros(place[:, 0].shape)
+    position, velocity = state.position, state.velocity
+    turns, still = position.shape[1] == 3, np.zeros(position[:, 0].shape)
     if not turns:
-        still += _still_angles(scene, place.shape[2])
+        still += _still_angles(scene, position.shape[2])
     values = {
-        "x": place[:, 0].copy(),
-        "y": place[:, 1].copy(),
-        "angle": (place[:, 2] if turns else still) + scene.start.turns,
+        "x": position[:, 0].copy(),
+        "y": position[:, 1].copy(),
+        "angle": (position[:, 2] if turns else still) + scene.start.turns,
         "velocity_x": velocity[:, 0].copy(),
         "velocity_y": velocity[:, 1].copy(),
         "angular_velocity": velocity[:, 2].copy() if turns else np.zeros(still.shape),
@@ -66,9 +66,9 @@ def _marks(state: ParticleState) -> Arrays:
 
 def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
     """The particle that is pulled hardest."""
-    place, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
+    position, force = (np.moveaxis(a, 1, 0).reshape(a.shape[1], -1) for a in state[:3:2])
     i = worst(force)
-    x, y = float(place[0, i]), float(place[1, i])
+    x, y = float(position[0, i]), float(position[1, i])
     scene, fluid = setup.scene, np.zeros(2)
     if setup.flow is not None and scene.flow is not None:
         sample = setup.flow.at(float(state.clock[:, TIME].min())).evaluate(x, y)
@@ -80,14 +80,14 @@ def particle_failure_site(state: ParticleState, setup: Setup) -> FailureSite:
         PAIRS: float(np.hypot(*(force[:2, i] - fluid - outer))),
         TORQUE: float(np.abs(force[2:, i]).max(initial=0.0)),
     }
-    return FailureSite((x, y, *map(float, place[2:, i])), terms)
+    return FailureSite((x, y, *map(float, position[2:, i])), terms)
 
 
 def particle_health(state: ParticleState, box: Floats | None) -> Health:
     """Of all realisations together; none may be outside of `box`, which reflects or wraps."""
-    place, velocity, force = state[:3]
-    v, omega, _, _, outside = survey_particles(place, velocity, force, box)
+    position, velocity, force = state[:3]
+    v, omega, _, _, outside = survey_particles(position, velocity, force, box)
     clock = state.clock
     forces = float(clock[:, LARGEST_FORCE].max()), float(clock[:, LARGEST_TORQUE].max())
-    inside = 1.0 - count_frozen(state) / state.place[:, 0].size
+    inside = 1.0 - count_frozen(state) / state.position[:, 0].size
     return Health(inside, 0.0, (v, omega), forces, outside)

@@ -1,6 +1,6 @@
 """The state at the start that is not that of the start box: as the fluid moves, or as an earlier run ended.
 
-    particles   from particles, one by one: places, angles, velocities
+    particles   from particles, one by one: positions, angles, velocities
     cells       from the same cells; or from particles, which are counted: means of what they carry
 
 A run goes on with the masses that it finds: a density is not made one of mass 1 again.
@@ -31,7 +31,7 @@ Values = dict[str, Floats]
 class Moving(NamedTuple):
     """Particles (blocks, D, n) of an earlier run: x, y and angle, and their velocities."""
 
-    place: Floats
+    position: Floats
     velocity: Floats
 
 
@@ -53,7 +53,7 @@ def earlier_realisations(setup: Setup) -> Moving | None:
     if setup.earlier is None:
         return None
     whole, first = _particles(setup, setup.earlier), setup.first_realisation
-    count, number = whole.place.shape[0], whole.place.shape[2]
+    count, number = whole.position.shape[0], whole.position.shape[2]
     wanted, last = setup.scene.particles.number, first + setup.realisations
     if number != wanted or count < last:
         raise _refused(
@@ -75,7 +75,7 @@ def earlier_samples(setup: Setup) -> Moving | None:
     if setup.earlier is None:
         return None
     whole = _particles(setup, setup.earlier)
-    blocks, degrees, size = whole.place.shape
+    blocks, degrees, size = whole.position.shape
     wanted = setup.scene.particles.number * setup.realisations
     if blocks * size != wanted:
         raise _refused(
@@ -101,8 +101,8 @@ def _particles(setup: Setup, earlier: Earlier) -> Moving:
         )  # fmt: skip
     _require_in_domain(scene, earlier)
     angle = values["angle"] - scene.start.turns
-    place = np.stack((values["x"], values["y"], angle), axis=1)
-    return Moving(place, np.stack([values[name] for name in VELOCITIES], axis=1))
+    position = np.stack((values["x"], values["y"], angle), axis=1)
+    return Moving(position, np.stack([values[name] for name in VELOCITIES], axis=1))
 
 
 def _require_in_domain(scene: Scene, earlier: Earlier) -> None:
@@ -122,14 +122,14 @@ def _require_in_domain(scene: Scene, earlier: Earlier) -> None:
             )  # fmt: skip
 
 
-def start_velocity(setup: Setup, place: Floats) -> Floats:
-    """That of particles at place (blocks, D, n) as the scene says: at rest, or with the fluid."""
+def start_velocity(setup: Setup, position: Floats) -> Floats:
+    """That of particles at position (blocks, D, n) as the scene says: at rest, or with the fluid."""
     scene, flow = setup.scene, setup.flow
     if scene.start.velocity == "rest" or flow is None:
-        return np.zeros_like(place)
-    turned = place if place.shape[1] == 3 else np.pad(place, ((0, 0), (0, 1), (0, 0)))
+        return np.zeros_like(position)
+    turned = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1), (0, 0)))
     motion = fluid_motion(scene, flow.at(0.0), turned.swapaxes(0, 1)).swapaxes(0, 1)
-    return np.ascontiguousarray(motion[:, : place.shape[1]])
+    return np.ascontiguousarray(motion[:, : position.shape[1]])
 
 
 # Cells.
@@ -170,8 +170,8 @@ def _fluid_cells(setup: Setup, stairs: Staircase | None, grid: QGrid, own: Value
     if angle is None:
         angle = np.full(1, setup.scene.start.own_angle)
     turned = angle[:, None, None] if angle.ndim == 1 else angle
-    place = np.stack(np.broadcast_arrays(x, y, turned))
-    motion = fluid_motion(setup.scene, setup.flow.at(0.0), place)
+    position = np.stack(np.broadcast_arrays(x, y, turned))
+    motion = fluid_motion(setup.scene, setup.flow.at(0.0), position)
     if stairs is not None:
         for d, axis in enumerate((-1, -2)):
             motion[d] = stairs.faces[axis].mean

@@ -29,13 +29,13 @@ class Births(NamedTuple):
         How many slots of each realisation are alive already, or were.
     time : (R, B) float64
         Ascending; infinite for slots that stay empty.
-    place, velocity, force : (R, D, B) float64
-        At birth: the inlet's place and angle, the fluid's velocity and rate of rotation, and the drift.
+    position, velocity, force : (R, D, B) float64
+        At birth: the inlet's position and angle, the fluid's velocity and rate of rotation, and the drift.
     """
 
     first: int
     born: NDArray[np.int64]
     time: Floats
-    place: Floats
+    position: Floats
     velocity: Floats
     force: Floats

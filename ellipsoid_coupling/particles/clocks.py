@@ -148,8 +148,8 @@ def over_blocks(group: Group, task: Callable[..., None], arguments: tuple[object
 
 
 @chosen_by_type
-def interact(group: Group, t: float, place: Floats, force: Floats) -> None:
-    """Add what blocks do to each other at the time t to the drift (K, D, B) at `place`."""
+def interact(group: Group, t: float, position: Floats, force: Floats) -> None:
+    """Add what blocks do to each other at the time t to the drift (K, D, B) at `position`."""
 
 
 @kernel
@@ -160,9 +160,9 @@ def new_outcome(blocks: int, degrees: int) -> Outcome:
 
 @kernel
 def set_block(k: int, work: Work, t: float) -> None:
-    """Set what acts within block k, at its place and the time t."""
+    """Set what acts within block k, at its position and the time t."""
     state = work.state
-    set_block_forces(work.forces, t, state.place[k], state.force[k], frozen_row(state.frozen, k))
+    set_block_forces(work.forces, t, state.position[k], state.force[k], frozen_row(state.frozen, k))
 
 
 @kernel
@@ -182,6 +182,7 @@ def note_block_finite(k: int, work: Work, values: Floats) -> None:
 @kernel
 def note_outcome(clock: Floats, outcome: Outcome) -> None:
     """Keep the largest forces of all blocks in their clock, and whether all is finite."""
+    # By one thread, after the pass, and in the order of the blocks.
     for k in range(outcome.finite.size):
         note_forces(clock, outcome.forces[k, 0], outcome.forces[k, 1])
         if not outcome.finite[k]:

@@ -82,15 +82,18 @@ def contact_of(
     energies : (float, float, float)
         The height of a neighbour's potential (0 without noise), the thermal energy, and the mass.
     """
+    # (1 - lambda)/(1 + lambda) = (d/l)^2; `bluntness` is 1 - lambda to all digits, for needles.
     thickness = shape.reach * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
     noisy = energies[0] > 0.0
+    # At tolerances above e^-2 the bound 2 keeps c at 1: a pair never moves by more than b.
     part = math.sqrt((1.0 if noisy else 2.0) / max(math.log(1.0 / tolerance), 2.0))
     lever, ghost_reach = shape.reach - thickness, shape.reach * ghosts
     return Contact(shape.reach, thickness, part, lever, pull, ghost_reach, *energies)
 
 
 def highest(shape: PotentialShape) -> float:
-    """U/eps0 of particles in one place: sqrt(kappa) of parallel ones."""
+    """U/eps0 of particles at one position: sqrt(kappa) of parallel ones."""
+    # kappa = 1/(1 - lambda^2), as a product for needles.
     return 1.0 / math.sqrt(shape.bluntness * (1.0 + shape.shape_factor))
 
 
@@ -99,14 +102,15 @@ def steepest(shape: PotentialShape) -> tuple[float, float]:
     long_axis = shape.reach / math.sqrt(2.0)
     short_axis = long_axis * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
     height = highest(shape)
+    # Across parallel particles s = (r/b)^2, so |dU/dr| = U (2 sqrt(s)/b)/(1-s)^2 with b = sqrt(2) d.
     slope = _STEEPEST * math.sqrt(2.0) * height / short_axis
     return slope, slope * math.sqrt(2.0) * (long_axis - short_axis)
 
 
 class Cloud(NamedTuple):
-    """Particles in K blocks: place, velocity, force (K, D, B); frozen and fates as in their state."""
+    """Particles in K blocks: position, velocity, force (K, D, B); frozen and fates as in their state."""
 
-    place: Floats
+    position: Floats
     velocity: Floats
     force: Floats
     frozen: Flags | None = None
@@ -124,11 +128,12 @@ class _Moves(NamedTuple):
 @kernel
 def _moves(rates: Rates, dt: float) -> _Moves:
     first = linear_step(rates.damping[0], rates.amplitude[0], dt)
+    # Noise does not enter the two coefficients that are asked for.
     last = linear_step(rates.damping[-1], 0.0, dt)
     return _Moves(
-        (first.place_velocity, last.place_velocity),
-        (first.place_force, last.place_force),
-        first.place_noise,
+        (first.position_velocity, last.position_velocity),
+        (first.position_force, last.position_force),
+        first.position_noise,
     )
 
 
@@ -136,7 +141,7 @@ def _moves(rates: Rates, dt: float) -> _Moves:
 def _matters(pull: Floats, rates: Rates, tolerance: float, dt: float) -> bool:
     """Whether a push that a step misses moves a particle by more than the tolerance."""
     for d in range(pull.size):
-        if linear_step(rates.damping[d], 0.0, dt).place_missed * pull[d] > tolerance:
+        if linear_step(rates.damping[d], 0.0, dt).position_missed * pull[d] > tolerance:
             return True
     return False
 
@@ -165,8 +170,8 @@ def _fitted(number: int, total: int) -> int:
 @kernel
 def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float, ...]:
     """The motion (x0, y0, dx0, dy0, a_xx, a_xy, a_yx, a_yy) of some particles, by least squares."""
-    place, velocity, force, frozen, _ = cloud
-    blocks, _, size = place.shape
+    position, velocity, force, frozen, _ = cloud
+    blocks, _, size = position.shape
     total = blocks * size
     means = np.zeros(4)
     count = 0
@@ -176,10 +181,10 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
         if _meets(frozen, k, i):
             count += 1
             for d in range(2):
-                means[d] += place[k, d, i]
+                means[d] += position[k, d, i]
                 move = moves.velocity[0] * velocity[k, d, i] + moves.force[0] * force[k, d, i]
                 means[2 + d] += move
-    # Centred first: squares of places far from the origin would cancel in the determinant.
+    # Centred first: squares of positions far from the origin would cancel in the determinant.
     means /= max(count, 1)
     squares, products = np.zeros(3), np.zeros((2, 2))
     for number in range(min(total, _FITTED)):
@@ -187,7 +192,7 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
         k, i = j // size, j % size
         if not _meets(frozen, k, i):
             continue
-        x, y = axes[0] * (place[k, 0, i] - means[0]), axes[1] * (place[k, 1, i] - means[1])
+        x, y = axes[0] * (position[k, 0, i] - means[0]), axes[1] * (position[k, 1, i] - means[1])
         squares[0] += x * x
         squares[1] += x * y
         squares[2] += y * y
@@ -199,6 +204,7 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
     squares[0] += 1e-10 * (squares[0] + squares[2])
     squares[2] += 1e-10 * (squares[0] + squares[2])
     det = squares[0] * squares[2] - squares[1] * squares[1]
+    # All in one place, or a single one: no strain, and residuals about the mean motion.
     share = 1.0 / det if det > 0.0 else 0.0
     return (
         means[0],
@@ -214,7 +220,7 @@ def _fit(cloud: Cloud, moves: _Moves, axes: tuple[float, float]) -> tuple[float,
 
 @kernel(noalias=True)
 def _square_residuals(
-    place: Floats,
+    position: Floats,
     velocity: Floats,
     force: Floats,
     moves: _Moves,
@@ -225,13 +231,14 @@ def _square_residuals(
     x0, y0, dx0, dy0, xx, xy, yx, yy = motion
     v, f = moves.velocity[0], moves.force[0]
     for i in range(residuals.shape[1]):
-        x, y = place[0, i] - x0, place[1, i] - y0
+        x, y = position[0, i] - x0, position[1, i] - y0
         ex = v * velocity[0, i] + f * force[0, i] - dx0 - xx * x - xy * y
         ey = v * velocity[1, i] + f * force[1, i] - dy0 - yx * x - yy * y
         residuals[0, i] = ex * ex + ey * ey
-    if place.shape[0] == 3:
+    if position.shape[0] == 3:
         v, f = moves.velocity[1], moves.force[1]
         for i in range(residuals.shape[1]):
+            # W is the antisymmetric part of A.
             turn = v * velocity[2, i] + f * force[2, i] - 0.5 * (yx - xy)
             residuals[1, i] = turn * turn
 
@@ -241,6 +248,7 @@ def _leave_out(frozen: Flags | None, k: int, residuals: Floats) -> None:
     if frozen is not None:
         for i in range(residuals.shape[1]):
             if frozen[k, i] != 0:
+                # A 0 changes neither a sum nor the largest of squares.
                 residuals[:, i] = 0.0
 
 
@@ -249,17 +257,18 @@ def _residuals(
     cloud: Cloud, moves: _Moves, motion: tuple[float, ...], crowd: bool
 ) -> tuple[float, float]:
     """The largest |e_i| and |dtheta_i - W|, or in a `crowd` their root mean squares."""
-    place, velocity, force, frozen, _ = cloud
-    blocks, _, size = place.shape
+    position, velocity, force, frozen, _ = cloud
+    blocks, _, size = position.shape
     residuals = np.zeros((2, size))
     found = np.zeros(2)
     for k in range(blocks):
-        _square_residuals(place[k], velocity[k], force[k], moves, motion, residuals)
+        _square_residuals(position[k], velocity[k], force[k], moves, motion, residuals)
         _leave_out(frozen, k, residuals)
         for kind in range(2):
             total, largest = sum_and_largest(residuals[kind])
             found[kind] = found[kind] + total if crowd else max(found[kind], largest)
     if crowd:
+        # Those that have ended added 0; the mean is that of the others.
         found /= blocks * size * part_inside(cloud.fates)
     return math.sqrt(found[0]), math.sqrt(found[1])
 
@@ -268,6 +277,7 @@ def _residuals(
 def allowed_width(contact: Contact, speed: float) -> float:
     """How far a pair that meets with so much relative speed may move against one another in a step."""
     width = contact.part
+    # The reduced mass of two like particles is m/2.
     energy = contact.heat + 0.25 * contact.mass * speed * speed
     if contact.height > energy:
         steep = math.log(contact.height / energy) if energy > 0.0 else np.inf
@@ -289,10 +299,13 @@ def _part_for_pairs(
     motion = _fit(cloud, moves, axes)
     residual, turn = _residuals(cloud, moves, motion, crowd)
     xx, xy, yx, yy = motion[4:]
+    # The eigenvalue of the symmetric part of A that is larger in size.
     strain = 0.5 * abs(xx + yy) + math.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))
+    # Of the noise two standard deviations, of each of both particles.
     apart = 2.0 * residual + contact.lever * turn + 4.0 * moves.noise
     meeting = strain * contact.reach + apart
     width = allowed_width(contact, meeting / dt)
+    # The part p of the step for which p meeting/(1 - p strain) = width, as in the module.
     return width / (meeting + strain * width)
 
 
@@ -303,13 +316,14 @@ def _part_at_walls(
     """The part of a step in which no particle that bounces passes a neighbour or a wall's ghost."""
     if box is None:
         return np.inf
-    place, velocity, force, _, _ = cloud
+    position, velocity, force, _, _ = cloud
     most = 0.0
     v, f = moves.velocity[0], moves.force[0]
-    for k in range(place.shape[0]):
+    for k in range(position.shape[0]):
         for d in range(2):
+            # A bounce turns a velocity round, which no smooth motion does: here each one's own move counts.
             low, high = box[d, 0] + contact.ghost_reach, box[d, 1] - contact.ghost_reach
-            here, speed, push = place[k, d], velocity[k, d], force[k, d]
+            here, speed, push = position[k, d], velocity[k, d], force[k, d]
             for i in range(here.size):
                 move = v * speed[i] + f * push[i]
                 near = not low <= here[i] + move <= high
@@ -326,13 +340,14 @@ def _part_at_edges(
     if edges is None:
         return np.inf
     most, (v, f) = 0.0, (moves.velocity[0], moves.force[0])
-    for k in range(cloud.place.shape[0]):
-        place, velocity, force = cloud.place[k], cloud.velocity[k], cloud.force[k]
-        for i in range(place.shape[1]):
+    for k in range(cloud.position.shape[0]):
+        position, velocity, force = cloud.position[k], cloud.velocity[k], cloud.force[k]
+        for i in range(position.shape[1]):
             if not _meets(cloud.frozen, k, i):
                 continue
             x, y = v * velocity[0, i] + f * force[0, i], v * velocity[1, i] + f * force[1, i]
-            clear = clearance_at(edges, place[0, i], place[1, i]) - contact.ghost_reach
+            clear = clearance_at(edges, position[0, i], position[1, i]) - contact.ghost_reach
+            # A bound of the move's length that takes no root.
             if abs(x) + abs(y) > clear:
                 most = max(most, abs(x), abs(y))
     most += 2.0 * moves.noise
@@ -360,6 +375,7 @@ def _part(contact: Contact, cloud: Cloud, rates: Rates, limits: Limits, dt: floa
 def _shortened(
     contact: Contact | None, cloud: Cloud, rates: Rates, limits: Limits, dt: float
 ) -> float:
+    # A function of its own: numba leaves out what stands behind `is not None` for arguments only.
     if contact is not None:
         for _ in range(_MOST_TRIALS):
             part = _part(contact, cloud, rates, limits, dt)

@@ -85,7 +85,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def _trial_of(trial: Trial, k: int) -> Trial:
-    return Trial(trial.place[k], trial.force[k])
+    return Trial(trial.position[k], trial.force[k])
 
 
 @kernel
@@ -110,8 +110,9 @@ def step_block(
         tried = BlockStep(state, k, noise_rows(noise, k, step + 1), rates, trial, next_dt)
         predict_step(tried, limits)
         frozen = frozen_row(state.frozen, k)
-        set_block_forces(work.forces, t, trial.place, trial.force, frozen)
+        set_block_forces(work.forces, t, trial.position, trial.force, frozen)
         if not work.interacts:
+            # While force and later force of the block are in cache.
             measure_block(k, work, next_dt)
 
 
@@ -126,8 +127,9 @@ def measure_block(k: int, work: Work, dt: float) -> None:
 def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
     """Complete the drift at the trial, at the time t; its error over the tolerance, and the kind."""
     if group.work.interacts:
-        interact(group, t, group.work.trial.place, group.work.trial.force)
+        interact(group, t, group.work.trial.position, group.work.trial.force)
         over_blocks(group, measure_block, (dt,))
+    # Those that have ended err by 0, which must not make the mean of the others smaller.
     part = part_inside(group.work.state.fates)
     return largest_error(group.work.outcome.squares, group.work.limits.tolerance, part)
 
@@ -163,6 +165,7 @@ def _step_to_try(clock: Floats, cloud: Cloud, rates: Rates, limits: Limits, unti
     if until - clock[TIME] <= 0.0 or clock[STATUS] != RUNNING:
         return 0.0
     dt = min(clock[NEXT_STEP], until - clock[TIME])
+    # Of the step as it would be taken, which the save time may have made shorter than planned.
     allowed = collision_step(cloud, rates, limits, dt)
     if allowed < dt:
         shorten(clock, until, allowed, COLLISION)
@@ -180,6 +183,8 @@ def _typical_noise(noise: Floats) -> Floats:
     for k in range(blocks):
         for row in range(components):
             for i in range(size):
+                # Both numbers of a component have one sign: real displacements and velocities go
+                # together, too. Neighbours have opposite ones, so that the cloud is not shifted.
                 typical[k, 0, row, i] = 1.0 if (i + row // 2) % 2 == 0 else -1.0
     return typical
 
@@ -198,7 +203,7 @@ def _start(group: Group) -> None:
     state = group.work.state
     clock = state.clock[0]
     over_blocks(group, set_block, (clock[TIME],))
-    interact(group, clock[TIME], state.place, state.force)
+    interact(group, clock[TIME], state.position, state.force)
     _note_start(clock, state.force)
 
 
@@ -210,6 +215,7 @@ def _choose_first_step(noise: Floats | None, group: Group, until: float) -> None
         while clock[STATUS] == RUNNING:
             dt = equal_steps(until - clock[TIME], clock[NEXT_STEP])
             t = clock[TIME] + dt
+            # Row -1 + 1 is the only one of `typical`; a length of 0 finishes no step.
             over_blocks(group, step_block, (typical, -1, 0.0, dt, t))
             error, kind = _examine(group, t, dt)
             if error <= 1.0:
@@ -222,8 +228,8 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
     """See `clocks.Stepper`; trials that are refused count as steps."""
     state, rates, limits = group.work.state, group.work.rates, group.work.limits
     clock, noise, outcome = state.clock[0], state.noise, group.work.outcome
-    cloud = Cloud(state.place, state.velocity, state.force, state.frozen, state.fates)
-    # Later the force at the place is there from the step before, and after `restore` from the checkpoint.
+    cloud = Cloud(state.position, state.velocity, state.force, state.frozen, state.fates)
+    # Later the force there is known from the step before, and after `restore` from the checkpoint.
     if clock[STEPS] == 0.0 and clock[TIME] < until:
         _start(group)
         _choose_first_step(noise, group, until)
@@ -237,11 +243,13 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
         if dt == 0.0 or clock[STATUS] != RUNNING:
             return
         if tried == 0.0:
+            # A trial takes the row after the one that is named.
             over_blocks(group, step_block, (noise, step - 1, 0.0, dt, clock[TIME] + dt))
         error, kind = _examine(group, clock[TIME] + dt, dt)
         tried = 0.0
         # A noisy step is never repeated: that would select the noise by its outcome.
         if error <= 1.0 or noise is not None:
+            # Time goes on first: who ends or is born in the step asks the clock for the step's end.
             accept(clock, until, dt, _next_step(clock, noise, rates, dt, error), kind)
             # Who may meet in the next step is seen from where this one ends, so that one pass over
             # memory can do both only where nobody meets.

@@ -20,6 +20,7 @@ _LESS_SIGN = 0x7FFFFFFFFFFFFFFF
 @kernel
 def largest_size(values: Floats) -> float:
     """The largest absolute value of a contiguous row (n,); NaN if there is one, 0 if there is none."""
+    # Without the sign's bit. Those of NaN are larger than those of infinity, so that NaN shows.
     bits = values.view(np.int64)
     most = np.int64(0)
     for i in range(bits.size):
@@ -32,6 +33,7 @@ def largest_size(values: Floats) -> float:
 def sum_and_largest(values: Floats) -> tuple[float, float]:
     """The sum and the largest of numbers (n,) that are not negative."""
     whole = values.size - values.size % 8
+    # The rest of less than eight is added last, so that the order depends on the size alone.
     total: float = sum_in_lanes(values)
     for i in range(whole, values.size):
         total += values[i]

@@ -22,7 +22,7 @@ from ellipsoid_coupling.interaction.particle_forces import Drift, particle_force
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.uint8]
-# (t, place, force): adds what blocks do to each other to the drift (K, D, B).
+# (t, position, force): adds what blocks do to each other to the drift (K, D, B).
 BlockInteraction = Callable[[float, Floats, Floats], None]
 
 
@@ -47,9 +47,9 @@ class Forces(NamedTuple):
     Attributes
     ----------
     block : BlockForces or None
-    interaction : (t, place, force) -> None, or None
-        Adds what blocks do to each other to the drift (K, D, B) at `place`. It overwrites the drift where
-        `block` is None, and leaves frozen particles out. None without interaction.
+    interaction : (t, position, force) -> None, or None
+        Adds what blocks do to each other to the drift (K, D, B) at `position`. It overwrites the drift
+        where `block` is None, and leaves frozen particles out. None without interaction.
     workspace : BufferPool
         Memory for a step's work arrays, kept from call to call.
     """
@@ -61,23 +61,24 @@ class Forces(NamedTuple):
 
 @kernel
 def set_block_forces(
-    block: BlockForces | None, t: float, place: Floats, force: Floats, frozen: Flags | None
+    block: BlockForces | None, t: float, position: Floats, force: Floats, frozen: Flags | None
 ) -> None:
     """Overwrite the drift (D, B) of one block; without `block`, all of it comes from the interaction."""
     # Without walls the frozen ones are left out already, by the drift itself.
     if block is not None:
-        particle_forces(block.drift, t, place, force, frozen)
-        _add_walls(block.walls, place, force, frozen)
+        particle_forces(block.drift, t, position, force, frozen)
+        _add_walls(block.walls, position, force, frozen)
 
 
 @kernel
-def _add_walls(walls: Pairs | None, place: Floats, force: Floats, frozen: Flags | None) -> None:
+def _add_walls(walls: Pairs | None, position: Floats, force: Floats, frozen: Flags | None) -> None:
     if walls is not None:
-        _add_ghosts(walls.ghosts, walls, place, force)
+        # Ghosts push all particles alike, frozen ones too: their forces are cleared after it.
+        _add_ghosts(walls.ghosts, walls, position, force)
         still_frozen(frozen, force)
 
 
 @kernel
-def _add_ghosts(ghosts: Sources | None, walls: Pairs, place: Floats, force: Floats) -> None:
+def _add_ghosts(ghosts: Sources | None, walls: Pairs, position: Floats, force: Floats) -> None:
     if ghosts is not None:
-        add_ghost_forces(place, ghosts, walls, force)
+        add_ghost_forces(position, ghosts, walls, force)

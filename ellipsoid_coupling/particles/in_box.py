@@ -24,7 +24,7 @@ Indices = NDArray[np.int64]
 
 
 class Bounces(NamedTuple):
-    """Where one coordinate ends, of those that may come to a wall: indices (m,); place, velocity (m, 2)."""
+    """Where one coordinate of some particles bounces to: indices (m,); position and velocity (m, 2)."""
 
     which: Indices
     values: Floats
@@ -37,12 +37,15 @@ def _flag(
     """Flag those that may come to a wall if the force (D, B) becomes `later`, and what is no number."""
     state, k, low, high = step.state, step.k, walls[0], walls[1]
     for i in range(flags.size):
-        place, force = state.place[k, d, i], state.force[k, d, i]
+        position, force = state.position[k, d, i], state.force[k, d, i]
         # A bound: a particle that it takes in needlessly is flown without a bounce.
-        way = linear.place_velocity * abs(state.velocity[k, d, i])
-        way += linear.place_force * abs(force) + linear.place_missed * abs(later[d, i] - force)
+        way = linear.position_velocity * abs(state.velocity[k, d, i])
+        way += linear.position_force * abs(force) + linear.position_missed * abs(
+            later[d, i] - force
+        )
         way += abs(noise_of(step.noise, d, step.rates, linear, i)[0])
-        flags[i] = not ((low + way <= place) & (place <= high - way))
+        # `and` would branch. Comparisons are false for NaN, so that it is flagged.
+        flags[i] = not ((low + way <= position) & (position <= high - way))
 
 
 @kernel
@@ -50,7 +53,7 @@ def _may_bounce(
     step: BlockStep, later: Floats, d: int, linear: LinearStep, walls: Floats
 ) -> Indices:
     """The particles (m,) that `_flag` flags."""
-    flags = np.empty(step.state.place.shape[2], np.uint8)
+    flags = np.empty(step.state.position.shape[2], np.uint8)
     _flag(step, later, d, linear, walls, flags)
     return flagged(flags)
 
@@ -63,7 +66,7 @@ def _flight(step: BlockStep, later: float, d: int, linear: LinearStep, i: int) -
     # The noise of the whole step is spread evenly over it: how it came about is not known.
     moved = noise_of(step.noise, d, step.rates, linear, i)[0] / dt
     slope, damping = (later - force) / dt, step.rates.damping[d]
-    return Flight(state.place[k, d, i], state.velocity[k, d, i], force, slope, moved, damping)
+    return Flight(state.position[k, d, i], state.velocity[k, d, i], force, slope, moved, damping)
 
 
 @kernel
@@ -75,7 +78,7 @@ def predict_in_box(box: Floats | None, step: BlockStep) -> None:
             linear = linear_step(step.rates.damping[d], step.rates.amplitude[d], step.dt)
             for i in _may_bounce(step, force, d, linear, box[d]):
                 flight = _flight(step, force[d, i], d, linear, i)
-                step.trial.place[d, i] = fly(flight, step.dt, box[d, 0], box[d, 1])[0]
+                step.trial.position[d, i] = fly(flight, step.dt, box[d, 0], box[d, 1])[0]
 
 
 @kernel
@@ -85,6 +88,7 @@ def bounces_in_box(
     """Where those end that may come to a wall in the step which its trial predicts."""
     if box is None:
         return None
+    # The angle has no walls; indices of one type in either case.
     nobody = np.empty(0, np.int64)
     which = _may_bounce(step, step.trial.force, d, linear, box[d]) if d < 2 else nobody
     values = np.empty((which.size, 2))
@@ -97,30 +101,33 @@ def bounces_in_box(
 def _bounced(
     step: BlockStep, d: int, linear: LinearStep, walls: Floats, i: int
 ) -> tuple[float, float]:
-    """Place and velocity of a coordinate that may come to a wall; by the plain formula if it does not."""
+    """Position and velocity of a coordinate that may come to a wall; by the plain formula if not."""
     low, high, later = walls[0], walls[1], step.trial.force[d, i]
     flight = _flight(step, later, d, linear, i)
     kicked = noise_of(step.noise, d, step.rates, linear, i)[1]
     end, speed, sign, bounces = fly(flight, step.dt, low, high)
     if bounces == 0:
         change = later - flight.force
-        end = step.trial.place[d, i] + linear.place_change * change
+        # Flights take all of the change, the plain formula a part c of it: who is flagged
+        # needlessly must end as if it had not been.
+        end = step.trial.position[d, i] + linear.position_change * change
         speed = linear.decay * flight.velocity
         speed += linear.velocity_force * flight.force + linear.velocity_change * change
     # A bounce turns round the velocity's noise of the step as well: it keeps its law. A plain end may be
     # just outside, since it has a part of the change only.
-    place, turned = reflect(end, low, high)
-    return place, turned * (speed + sign * kicked)
+    position, turned = reflect(end, low, high)
+    return position, turned * (speed + sign * kicked)
 
 
 @kernel
 def settle_in_box(box: Floats | None, bounces: Bounces | None, step: BlockStep, d: int) -> None:
     """Put one coordinate where it bounces to, and all others within the walls by rounding."""
     if box is not None and bounces is not None and d < 2:
-        place, velocity = step.state.place[step.k, d], step.state.velocity[step.k, d]
+        position, velocity = step.state.position[step.k, d], step.state.velocity[step.k, d]
         low, high = box[d]
-        for i in range(place.size):
-            place[i] = min(max(place[i], low), high)
+        for i in range(position.size):
+            position[i] = min(max(position[i], low), high)
+        # After the others: these rows are overwritten, whatever the plain formula has made of them.
         for m in range(bounces.which.size):
-            place[bounces.which[m]] = bounces.values[m, 0]
+            position[bounces.which[m]] = bounces.values[m, 0]
             velocity[bounces.which[m]] = bounces.values[m, 1]

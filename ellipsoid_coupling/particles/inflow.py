@@ -48,6 +48,7 @@ class Inflow:
         inner = inner[(inner > 0.0) & (inner < end)]
         self._knots = np.unique(np.concatenate(([0.0, end], inner)))
         self._rate = self._by_parts(self._knots, lambda fluxes, _: fluxes.sum(axis=1))
+        # The trapezoidal rule is exact: R is linear between knots.
         steps = 0.5 * np.diff(self._knots) * (self._rate[:-1] + self._rate[1:])
         self._mass = np.concatenate(([0.0], np.cumsum(steps)))
         self.mass = float(self._mass[-1])
@@ -60,6 +61,7 @@ class Inflow:
         ):
             first, last = self._flux[i], self._flux[j]
             turns = (first < 0.0) != (last < 0.0)
+            # One is negative and the other is not: their difference is never 0.
             part = first[turns] / (first[turns] - last[turns])
             found.append(start + part * (stop - start))
         return np.concatenate(found)
@@ -67,6 +69,7 @@ class Inflow:
     def place_in_time(self, t: Floats) -> tuple[Indices, Floats]:
         """The interval that each time (n,) lies in, and the part of it that has passed."""
         number = np.searchsorted(self._times, t, side="right") - 1
+        # The last time belongs to the interval before it.
         number = np.clip(number, 0, len(self._times) - 2)
         start, stop = self._times[number], self._times[number + 1]
         return number, np.clip((t - start) / (stop - start), 0.0, 1.0)
@@ -75,10 +78,12 @@ class Inflow:
         """The part (n,) that a field has in the fluid at times t (n,)."""
         number, part = self.place_in_time(t)
         first, last = self._which[number] == field, self._which[number + 1] == field
+        # A field that is given at both ends of an interval is all of the fluid there.
         return np.where(first & last, 1.0, np.where(first, 1.0 - part, 0.0) + last * part)
 
     def _by_parts(self, t: Floats, work: Callable[[Floats, slice], Floats]) -> Floats:
         """`work` of the fluxes into the fluid (some, P) at some of the times t (n,), all together."""
+        # Fluxes of all pieces at all times at once could fill the memory.
         out, step = np.empty(t.size), max(1, _AT_ONCE // self._flux.shape[1])
         for first in range(0, t.size, step):
             these = slice(first, first + step)
@@ -109,6 +114,7 @@ class Inflow:
         def find(fluxes: Floats, these: slice) -> Floats:
             cumulated = np.cumsum(fluxes, axis=1)
             target = part[these] * cumulated[:, -1]
+            # Not `<`: a piece through which nothing comes has the sum of the one before it.
             found = np.minimum((cumulated <= target[:, None]).sum(axis=1), fluxes.shape[1] - 1)
             piece[these], rows = found, np.arange(found.size)
             here = fluxes[rows, found]

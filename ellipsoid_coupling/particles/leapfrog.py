@@ -29,7 +29,7 @@ from ellipsoid_coupling.particles.clocks import (
     set_block,
 )
 from ellipsoid_coupling.particles.forces import BlockForces
-from ellipsoid_coupling.particles.frozen import freeze, places_before
+from ellipsoid_coupling.particles.frozen import freeze, positions_before
 from ellipsoid_coupling.particles.own_clock import own_clock
 from ellipsoid_coupling.particles.state import (
     Limits,
@@ -37,7 +37,7 @@ from ellipsoid_coupling.particles.state import (
     Rates,
     bounce,
     noise_rows,
-    wrap_places,
+    wrap_positions,
 )
 from ellipsoid_coupling.stepping.status import RUNNING
 from ellipsoid_coupling.stepping.step_control import GIVEN, STATUS, TIME, accept, equal_steps
@@ -49,6 +49,7 @@ Floats = NDArray[np.float64]
 def _kick(velocity: Floats, force: Floats, rates: Rates, dt: float) -> None:
     for d in range(velocity.shape[0]):
         for i in range(velocity.shape[1]):
+            # Gamma v of the old velocity, as the paper has it; hence the bound on dt in the module.
             velocity[d, i] += dt * (force[d, i] - rates.damping[d] * velocity[d, i])
 
 
@@ -56,16 +57,18 @@ def _kick(velocity: Floats, force: Floats, rates: Rates, dt: float) -> None:
 def _add_noise(velocity: Floats, noise: Floats | None, rates: Rates, dt: float) -> None:
     if noise is not None:
         for d in range(rates.first_noisy, rates.last_noisy):
+            # Noise has rows for noisy degrees of freedom only, from `first_noisy` on.
             size = rates.amplitude[d] * math.sqrt(dt)
             for i in range(velocity.shape[1]):
                 velocity[d, i] += size * noise[d - rates.first_noisy, i]
 
 
 @kernel
-def _move(place: Floats, velocity: Floats, dt: float) -> None:
-    for d in range(place.shape[0]):
-        for i in range(place.shape[1]):
-            place[d, i] += dt * velocity[d, i]
+def _move(position: Floats, velocity: Floats, dt: float) -> None:
+    for d in range(position.shape[0]):
+        for i in range(position.shape[1]):
+            # By the new velocity: both by old ones would be Euler's rule, which gains energy.
+            position[d, i] += dt * velocity[d, i]
 
 
 @kernel
@@ -79,19 +82,22 @@ def leap_block(k: int, work: Work, step: int, t: float, dt: float) -> None:
     # Before particles are frozen, which sets their forces to 0.
     note_block_forces(k, work)
     state, rates, limits = work.state, work.rates, work.limits
-    place, velocity = state.place[k], state.velocity[k]
-    before = places_before(limits.mesh, place)
-    start = places_before(limits.edges, place)
+    position, velocity = state.position[k], state.velocity[k]
+    # The ways from here tell who leaves the mesh and who meets an edge.
+    before = positions_before(limits.mesh, position)
+    start = positions_before(limits.edges, position)
     _kick(velocity, state.force[k], rates, dt)
     _add_noise(velocity, noise_rows(state.noise, k, step), rates, dt)
-    _move(place, velocity, dt)
-    bounce(limits.box, place, velocity)
+    _move(position, velocity, dt)
+    bounce(limits.box, position, velocity)
     straight_at_edges(limits.edges, state, k, start, (t, dt))
+    # Those that are born within the step have moved with the fluid: not once more with the others.
     feed(state, k, limits, t + dt)
+    # Before positions are wrapped, which breaks the straight way from `before`.
     freeze(state, k, limits, before)
-    wrap_places(limits.periods, place)
-    # Of the place: it is not finite as soon as the velocity is not.
-    note_block_finite(k, work, place)
+    wrap_positions(limits.periods, position)
+    # Of the position: it is not finite as soon as the velocity is not.
+    note_block_finite(k, work, position)
 
 
 @jitable
@@ -104,11 +110,12 @@ def advance_clock(group: Group, until: float, steps: int) -> None:
         t = clock[TIME]
         if until - t <= 0.0 or clock[STATUS] != RUNNING:
             return
+        # Equal ones, so that no sliver is left before a save time.
         dt = equal_steps(until - t, longest)
         # Two passes only where blocks act on each other in between; else each block is in cache for both.
         if work.interacts:
             over_blocks(group, set_block, (t,))
-            interact(group, t, state.place, state.force)
+            interact(group, t, state.position, state.force)
         over_blocks(group, leap_block, (step, t, dt))
         accept(clock, until, dt, longest, GIVEN)
         note_outcome(clock, work.outcome)

@@ -27,20 +27,20 @@ _SERIES_BELOW = 0.5
 class LinearStep(NamedTuple):
     """The exact step's coefficients for one dt; `*_noise` multiply standard normal numbers.
 
-    R_n = place_noise xi1, W_n = shared_noise xi1 + own_noise xi2. The error of a step without
-    correction is place_missed times the force's change, of which place_change is corrected.
+    R_n = position_noise xi1, W_n = shared_noise xi1 + own_noise xi2. The error of a step without
+    correction is position_missed times the force's change, of which position_change is corrected.
     """
 
-    decay: float
-    place_velocity: float
-    place_force: float
-    place_change: float
-    place_missed: float
-    velocity_force: float
-    velocity_change: float
-    place_noise: float
-    shared_noise: float
-    own_noise: float
+    decay: float  # e^{-z}
+    position_velocity: float  # dt phi1
+    position_force: float  # dt^2 phi2
+    position_change: float  # c dt^2 phi3, c of `exponential`
+    position_missed: float  # dt^2 phi3
+    velocity_force: float  # dt phi1
+    velocity_change: float  # dt phi2
+    position_noise: float  # Var(R_n)^(1/2)
+    shared_noise: float  # Cov(R_n, W_n)/Var(R_n)^(1/2)
+    own_noise: float  # what is left of Var(W_n)
 
 
 @kernel
@@ -61,7 +61,7 @@ def phi_functions(z: float) -> tuple[float, float, float]:
 
 
 @kernel
-def place_variance(z: float) -> float:
+def position_variance(z: float) -> float:
     """Var(R_n)/(A^2 dt^3) = (z - 2 (1 - e^{-z}) + (1 - e^{-2z})/2)/z^3, 1/3 at z = 0."""
     if z > _SERIES_BELOW:
         return (z + 2.0 * math.expm1(-z) - 0.5 * math.expm1(-2.0 * z)) / (z * z * z)
@@ -85,9 +85,10 @@ def linear_step(damping: float, noise: float, dt: float) -> LinearStep:
     # The correction's damping of the energy is that of the scheme; see `exponential` on c = 1 - e^{-z}.
     corrected = z * phi1 if noise > 0.0 or damping == 0.0 else 1.0
     if noise > 0.0:
+        # Var(W_n) = A^2 (1 - e^{-2z})/(2 Gamma), Cov(R_n, W_n) = A^2 (1 - e^{-z})^2/(2 Gamma^2).
         velocity_variance = noise * noise * dt * phi_functions(2.0 * z)[0]
         covariance = 0.5 * (noise * dt * phi1) ** 2
-        spread = noise * math.sqrt(dt**3 * place_variance(z))
+        spread = noise * math.sqrt(dt**3 * position_variance(z))
         shared = covariance / spread if spread > 0.0 else 0.0
         own = math.sqrt(max(velocity_variance - shared * shared, 0.0))
     return LinearStep(
@@ -111,7 +112,8 @@ def noise_of(
     """R_n and W_n of one degree of freedom; without noise no memory is touched."""
     if noise is None or not rates.first_noisy <= d < rates.last_noisy:
         return 0.0, 0.0
+    # Two rows of normal numbers for each noisy degree of freedom.
     component = d - rates.first_noisy
     first = noise[2 * component, i]
     second = noise[2 * component + 1, i]
-    return linear.place_noise * first, linear.shared_noise * first + linear.own_noise * second
+    return linear.position_noise * first, linear.shared_noise * first + linear.own_noise * second

@@ -50,14 +50,14 @@ def squared_errors(
 
     With noise, the velocity's change by the drift over the thermal velocity A/sqrt(2 Gamma) as well.
     """
-    squares = np.empty(state.place.shape[2])
+    squares = np.empty(state.position.shape[2])
     for d in range(out.shape[1]):
         damping, amplitude = rates.damping[d], rates.amplitude[d]
         # Of the whole correction, also where the scheme takes only a part c of it.
         linear = linear_step(damping, 0.0, dt)
         _square_changes(state.force[k, d], trial.force[d], squares)
         total, largest = sum_and_largest(squares)
-        per_tolerance = (linear.place_missed / limits.scale[d]) ** 2
+        per_tolerance = (linear.position_missed / limits.scale[d]) ** 2
         out[LARGEST, d] = largest * per_tolerance
         if amplitude > 0.0:
             thermal = linear.velocity_change / (_THERMAL_PART * amplitude) * limits.tolerance

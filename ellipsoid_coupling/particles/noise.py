@@ -17,6 +17,7 @@ _START, _STEPS, _BIRTHS = range(3)
 
 
 def _generator(seed: int, realisation: int, purpose: int, block: int) -> np.random.Generator:
+    # A stream for each purpose: how many numbers the start takes changes no number of a step.
     sequence = np.random.SeedSequence(seed, spawn_key=(realisation, purpose))
     key = sequence.generate_state(2, np.uint64)
     return np.random.Generator(np.random.Philox(key=key, counter=[0, 0, 0, block]))

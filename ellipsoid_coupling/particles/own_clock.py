@@ -38,7 +38,7 @@ def _in_this_thread(
 
 
 @inline_kernel
-def _nothing(group: OwnClock, t: float, place: Floats, force: Floats) -> None:
+def _nothing(group: OwnClock, t: float, position: Floats, force: Floats) -> None:
     """One block has no other block to interact with."""
 
 
@@ -53,9 +53,10 @@ def own_clock(
     """The group of realisation k; `tried` is 1 for a stepper that tries steps, else 0."""
     # Made within the kernel: Python hands over arrays one by one, which short calls would feel.
     one = realisation(state, k)
-    _, degrees, number = one.place.shape
+    _, degrees, number = one.position.shape
     shape = (tried, degrees, number)
     trial = Trial(np.empty(shape), np.empty(shape))
+    # Pairs of a realisation are part of its own forces: no block acts on another one.
     return OwnClock(Work(one, forces, False, rates, limits, trial, new_outcome(1, degrees)))
 
 
@@ -72,7 +73,8 @@ def advance_own_clocks(
 
     state : with a row of clock for each realisation
     """
+    # Realisations take different numbers of steps: each thread takes the next one when it is free.
     for_each(
-        len(state.place),
+        len(state.position),
         lambda k: stepper.advance_own(k, state, forces, rates, limits, until, steps),
     )

@@ -6,7 +6,7 @@ at which it meets an edge is found as at a straight wall. There all that has a d
 
     v -> v - 2 (v . n) n,
 
-the velocity, what noise adds to it and to the place. The force keeps its direction and goes on in time.
+the velocity, what noise adds to it and to the position. The force keeps its direction and goes on in time.
 
 A path is followed in parts that few cells hold and that are nearly straight. Where no part of it meets an
 edge by its closed form, the straight way to the part's end may not cross one either: so whatever the step,
@@ -49,7 +49,7 @@ _MOST_HALVINGS = 60
 _HOP = 1e-6
 # The sine of the angle between edges of one direction.
 _PARALLEL = 1e-9
-# A place this near to an edge, in gaps, is where ways end; from there an edge is met below the other one,
+# So near to an edge, in gaps, ways end; from there an edge is met below the other one,
 # so that rounding meets none.
 _AT_THE_GAP, _BELOW_THE_GAP = 1.5, 0.5
 
@@ -59,18 +59,18 @@ class Path(NamedTuple):
 
     Attributes
     ----------
-    place, velocity : (x, y)
+    position, velocity : (x, y)
         At the start of what is left of the step.
     force, slope : (x, y)
         The force then, and how it changes in a unit of time.
     noise : (x, y)
-        What noise adds to the velocity at which the place moves.
+        What noise adds to the velocity at which the position moves.
     kick : (x, y)
         What is added to the velocity at the end of the step.
     damping : float
     """
 
-    place: Vector
+    position: Vector
     velocity: Vector
     force: Vector
     slope: Vector
@@ -84,7 +84,7 @@ class End(NamedTuple):
 
     Attributes
     ----------
-    place, velocity : (x, y)
+    position, velocity : (x, y)
         The velocity with the kick.
     time : float
         That it took, less than the step's where it ended.
@@ -96,7 +96,7 @@ class End(NamedTuple):
         Whether it met edges of other directions as well.
     """
 
-    place: Vector
+    position: Vector
     velocity: Vector
     time: float
     edge: int
@@ -105,10 +105,10 @@ class End(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The next part of a path: how long it takes, place and velocity at its end, and the cells about it."""
+    """The next part of a path: how long it takes, position and velocity at its end, the cells about it."""
 
     time: float
-    place: Vector
+    position: Vector
     velocity: Vector
     columns: tuple[int, int]
     rows: tuple[int, int]
@@ -116,12 +116,13 @@ class _Part(NamedTuple):
 
 @kernel
 def _later(path: Path, t: float) -> tuple[Vector, Vector]:
-    """Place and velocity at t, the latter without noise."""
+    """Position and velocity at t, the latter without noise."""
     z = path.damping * t
     phi1, phi2, phi3 = phi_functions(z)
+    # The exact solution for a force f + s t, as in `exponential`.
     decay, push, change = math.exp(-z), t * phi2, t * t * phi3
-    (x, y), (vx, vy), (fx, fy), (sx, sy) = path.place, path.velocity, path.force, path.slope
-    place = (
+    (x, y), (vx, vy), (fx, fy), (sx, sy) = path.position, path.velocity, path.force, path.slope
+    position = (
         x + t * (phi1 * vx + push * fx + change * sx + path.noise[0]),
         y + t * (phi1 * vy + push * fy + change * sy + path.noise[1]),
     )
@@ -129,25 +130,29 @@ def _later(path: Path, t: float) -> tuple[Vector, Vector]:
         decay * vx + t * phi1 * fx + t * t * phi2 * sx,
         decay * vy + t * phi1 * fy + t * t * phi2 * sy,
     )
-    return place, velocity
+    return position, velocity
 
 
 @kernel
-def _moved(path: Path, t: float, place: Vector, velocity: Vector) -> Path:
-    """What is left of a path that is at this place, with this velocity, at t."""
+def _moved(path: Path, t: float, position: Vector, velocity: Vector) -> Path:
+    """What is left of a path that is at this position, with this velocity, at t."""
     force = path.force[0] + t * path.slope[0], path.force[1] + t * path.slope[1]
-    return Path(place, velocity, force, path.slope, path.noise, path.kick, path.damping)
+    return Path(position, velocity, force, path.slope, path.noise, path.kick, path.damping)
 
 
 @kernel
 def _bend(path: Path, t: float) -> float:
-    """A bound of how far the path is from the straight way to its place at t."""
+    """A bound of how far the path is from the straight way to its position at t."""
     gamma = path.damping
+    # A path is off its chord by t^2/8 max |r''| at most, and with Gamma = damping
+    #     r'' = e^{-Gamma t} (f - Gamma v) + s (1 - e^{-Gamma t})/Gamma.
     fastest = 0.125 * t * t
     if gamma * gamma * fastest > 1.0:
+        # The first term dies away: all that it ever does to the position is its size at 0 over Gamma^2.
         fastest = 1.0 / (gamma * gamma)
     lasting = t if gamma * t < 1.0 else 1.0 / gamma
     (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    # Bounds of lengths that take no root.
     push = abs(fx - gamma * vx) + abs(fy - gamma * vy)
     return fastest * push + 0.125 * t * t * lasting * (abs(sx) + abs(sy))
 
@@ -156,32 +161,44 @@ def _bend(path: Path, t: float) -> float:
 def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
     """The longest half, quarter, ... of what is left that few cells hold and that is nearly straight."""
     t, size = left, 1.0 / edges.per_length
-    place, velocity, columns, rows = path.place, path.velocity, (0, -1), (0, -1)
+    # Columns 0 to -1 are none.
+    position, velocity, columns, rows = path.position, path.velocity, (0, -1), (0, -1)
     for _ in range(_MOST_HALVINGS):
-        place, velocity = _later(path, t)
-        if not abs(place[0]) + abs(place[1]) < np.inf:
+        position, velocity = _later(path, t)
+        # A position that is no number lies in no cell; the stepper reports it.
+        if not abs(position[0]) + abs(position[1]) < np.inf:
             break
         bend = _bend(path, t)
+        # The rectangle about both ends holds the straight way; the path is off it by the bend.
         rim = bend + 4.0 * edges.margin
-        low, high = min(path.place[0], place[0]) - rim, max(path.place[0], place[0]) + rim
+        low, high = (
+            min(path.position[0], position[0]) - rim,
+            max(path.position[0], position[0]) + rim,
+        )
         columns = column_of(edges, low), column_of(edges, high)
-        low, high = min(path.place[1], place[1]) - rim, max(path.place[1], place[1]) + rim
+        low, high = (
+            min(path.position[1], position[1]) - rim,
+            max(path.position[1], position[1]) + rim,
+        )
         rows = row_of(edges, low), row_of(edges, high)
         cells = (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1)
         if cells <= _MOST_CELLS and bend <= _BEND * size:
             break
         t *= 0.5
-    return _Part(t, place, velocity, columns, rows)
+    return _Part(t, position, velocity, columns, rows)
 
 
 @kernel
 def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> float:
     """When the path comes to edge e, of whose line it is `gap` away; infinite if it does not."""
     line = edges.lines[e]
+    # The fluid lies on the left of an edge, and there the normal points.
     nx, ny = -line[ALONG_Y], line[ALONG_X]
     (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
+    # Ways end a gap before the line: this is the coordinate's wall at 0.
     above = gap - line[GAP]
     flight = Flight(
+        # Where a way has ended, rounding decides on which side of 0 it is: it is at it.
         0.0 if gap < _AT_THE_GAP * line[GAP] else above,
         nx * vx + ny * vy,
         nx * fx + ny * fy,
@@ -192,10 +209,12 @@ def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> floa
     _, beyond = first_exit(flight, part.time, 0.0, np.inf)
     if beyond == 0.0:
         return np.inf
-    at_once = flight.place == 0.0 and flight.velocity + flight.noise <= 0.0
+    # It stands at the edge and moves against it, so that no time has to be searched.
+    at_once = flight.position == 0.0 and flight.velocity + flight.noise <= 0.0
     t = 0.0 if at_once else time_of(flight, 0.0, False, beyond)
     x, y = _later(path, t)[0]
     along = line[ALONG_X] * (x - line[X]) + line[ALONG_Y] * (y - line[Y])
+    # Longer by the margin: no path slips through between two edges.
     within = -edges.margin <= along <= line[LENGTH] + edges.margin
     return t if within else np.inf
 
@@ -207,13 +226,15 @@ def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> 
     before, after = gaps
     if not after < before:
         return np.inf
-    (x, y), (end_x, end_y) = path.place, part.place
+    (x, y), (end_x, end_y) = path.position, part.position
+    # Who crosses an edge from its own side has the edge's start on the right and its end on the left.
     dx, dy = end_x - x, end_y - y
     ax, ay = line[X] - x, line[Y] - y
     bx, by = ax + line[LENGTH] * line[ALONG_X], ay + line[LENGTH] * line[ALONG_Y]
     wide = edges.margin * (abs(dx) + abs(dy))
     if dx * ay - dy * ax > wide or dx * by - dy * bx < -wide:
         return np.inf
+    # 0 for a way that begins nearer than where ways end.
     return float(part.time * max(0.0, (before - line[GAP]) / (before - after)))
 
 
@@ -222,19 +243,21 @@ def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
     """When a part of a path comes to edge e from its own side; infinite if it does not."""
     line = edges.lines[e]
     nx, ny = -line[ALONG_Y], line[ALONG_X]
-    before = nx * (path.place[0] - line[X]) + ny * (path.place[1] - line[Y])
+    before = nx * (path.position[0] - line[X]) + ny * (path.position[1] - line[Y])
+    # From behind it is no wall. A thin plate is two edges, one for either side.
     if before < 0.0:
         return np.inf
-    after = nx * (part.place[0] - line[X]) + ny * (part.place[1] - line[Y])
+    after = nx * (part.position[0] - line[X]) + ny * (part.position[1] - line[Y])
     (ux, uy), (vx, vy), (wx, wy) = path.noise, path.velocity, part.velocity
     nearest = line[GAP] * (_BELOW_THE_GAP if before < _AT_THE_GAP * line[GAP] else 1.0)
-    # Between two places before an edge only a path that turns round may have met it.
+    # Between two positions before an edge only a path that turns round may have met it.
     turns = nx * (vx + ux) + ny * (vy + uy) < 0.0 < nx * (wx + ux) + ny * (wy + uy)
     if after >= nearest and not turns:
         return np.inf
     t = _meets(edges, e, path, part, before)
     if t < np.inf or after >= nearest:
         return t
+    # Behind the line without having met the edge: rounding at one of its ends, or a bend, let it pass.
     return _crosses(edges, e, path, part, (before, after))
 
 
@@ -248,6 +271,7 @@ def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
             for member in range(edges.first[cell], edges.first[cell + 1]):
                 e = edges.members[member]
                 t = _edge_time(edges, e, path, part)
+                # Of two that are met at one time the one that comes first in the cells, always the same.
                 if t < first:
                     found, first = e, t
     return found, first
@@ -277,10 +301,11 @@ def _reflected(edges: EdgeGrid, path: Path, edge: int) -> Path:
     normal = edge_normal(edges, edge)
     vx, vy = _mirrored(path.velocity, normal)
     before, after = math.hypot(path.velocity[0], path.velocity[1]), math.hypot(vx, vy)
+    # A mirror image is as long to rounding only, and roundings of many bounces would add up.
     same = before / after if after > 0.0 and before != after else 1.0
     noise, kick = _mirrored(path.noise, normal), _mirrored(path.kick, normal)
     velocity = vx * same, vy * same
-    return Path(path.place, velocity, path.force, path.slope, noise, kick, path.damping)
+    return Path(path.position, velocity, path.force, path.slope, noise, kick, path.damping)
 
 
 @kernel
@@ -292,10 +317,10 @@ def _tangential(vector: Vector, normal: Vector) -> Vector:
 @kernel
 def _sliding(edges: EdgeGrid, path: Path, edge: int) -> Path:
     """The path along a wall that it is pressed against; its speed across is kept and added at the end."""
-    normal, line, (x, y) = edge_normal(edges, edge), edges.lines[edge], path.place
+    normal, line, (x, y) = edge_normal(edges, edge), edges.lines[edge], path.position
     # Rounding must not lead it closer and closer.
     lift = line[GAP] - normal[0] * (x - line[X]) - normal[1] * (y - line[Y])
-    place = x + lift * normal[0], y + lift * normal[1]
+    position = x + lift * normal[0], y + lift * normal[1]
     velocity = _tangential(path.velocity, normal)
     kick = (
         path.kick[0] + path.velocity[0] - velocity[0],
@@ -303,13 +328,14 @@ def _sliding(edges: EdgeGrid, path: Path, edge: int) -> Path:
     )
     force, slope = _tangential(path.force, normal), _tangential(path.slope, normal)
     noise = _tangential(path.noise, normal)
-    return Path(place, velocity, force, slope, noise, kick, path.damping)
+    return Path(position, velocity, force, slope, noise, kick, path.damping)
 
 
 @kernel
 def _shifted(edges: EdgeGrid, path: Path, edge: int) -> Path:
     """The path from the opposite periodic side on, where it is to the bit."""
-    (x, y), shift, line = path.place, edges.shifts[edge], edges.lines[edge]
+    (x, y), shift, line = path.position, edges.shifts[edge], edges.lines[edge]
+    # From the side's own coordinate: the particle's would land beside the other side by a rounding.
     x = line[X] + shift[0] if shift[0] != 0.0 else x
     y = line[Y] + shift[1] if shift[1] != 0.0 else y
     return Path((x, y), path.velocity, path.force, path.slope, path.noise, path.kick, path.damping)
@@ -318,7 +344,7 @@ def _shifted(edges: EdgeGrid, path: Path, edge: int) -> Path:
 @kernel
 def _with_kick(path: Path, time: float, edge: int, first: int, corner: bool) -> End:
     velocity = path.velocity[0] + path.kick[0], path.velocity[1] + path.kick[1]
-    return End(path.place, velocity, time, edge, first, corner)
+    return End(path.position, velocity, time, edge, first, corner)
 
 
 @kernel
@@ -328,26 +354,30 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
     A path of more parts than anybody can mean stays where it is for the rest of the step, with the
     velocity that it has there: that keeps the energy.
     """
+    # `last` is the edge of the last bounce, `since` how long ago that was.
     left, last, since, first, corner = time, -1, 0.0, -1, False
     for _ in range(_MOST_PARTS):
         part = _next_part(edges, path, left)
         edge, t = _first_edge(edges, path, part)
         if edge < 0:
-            path = _moved(path, part.time, part.place, part.velocity)
+            path = _moved(path, part.time, part.position, part.velocity)
+            # The last part is all that is left: the difference is then 0 to the bit.
             left, since = left - part.time, since + part.time
             if not left > 0.0:
                 return _with_kick(path, time, -1, first, corner)
             continue
-        place, velocity = _later(path, t)
-        path = _moved(path, t, place, velocity)
+        position, velocity = _later(path, t)
+        path = _moved(path, t, position, velocity)
         left, since = left - t, since + t
         if edges.acts[edge] == SHIFTS:
             path, last = _shifted(edges, path, edge), -1
             continue
         first = edge if first < 0 else first
+        # Edges of one direction, as two walls of a channel, have one normal up to its sign.
         corner |= not _parallel(edges, first, edge)
         if edges.acts[edge] == ENDS:
             return _with_kick(path, time - left, edge, first, corner)
+        # Before it slides: the speed across that is kept then leads away from the wall.
         path = _reflected(edges, path, edge)
         if edge == last and since < _HOP * time:
             path = _sliding(edges, path, edge)

@@ -76,7 +76,7 @@ def _by_all_threads(
     group: SharedClock, task: Callable[..., None], arguments: tuple[object, ...]
 ) -> None:
     """Or by one, for which nothing more is to be compiled, if there is too little to share."""
-    blocks, _, size = group.work.state.place.shape
+    blocks, _, size = group.work.state.position.shape
     if blocks == 1 or (blocks <= FEW_BLOCKS and blocks * size < FEW_SAMPLES):
         for k in range(blocks):
             task(k, group.work, *arguments)
@@ -85,9 +85,9 @@ def _by_all_threads(
             _IN_THREADS[task](blocks, (group.work, *arguments))
 
 
-def _interact(group: SharedClock, t: float, place: Floats, force: Floats) -> None:
+def _interact(group: SharedClock, t: float, position: Floats, force: Floats) -> None:
     if group.interaction is not None:
-        group.interaction(t, place, force)
+        group.interaction(t, position, force)
 
 
 register_formula(over_blocks, SharedClock, _by_all_threads)
@@ -107,7 +107,8 @@ def advance_shared_clock(
 
     state : with one row of clock
     """
-    blocks, degrees, size = state.place.shape
+    blocks, degrees, size = state.position.shape
+    # As large as the state: none for a stepper that tries nothing.
     shape = (len(Trial._fields), blocks if stepper.tries else 0, degrees, size)
     # A new array of this size would be given to the process page by page, in each call.
     trial = Trial(*forces.workspace.array("trial", shape, np.float64))

@@ -29,10 +29,10 @@ class ParticleState(NamedTuple):
 
     Attributes
     ----------
-    place, velocity : (R, D, N) float64
+    position, velocity : (R, D, N) float64
         Positions and angle; velocities and angular velocity.
     force : (R, D, N)
-        The drift at `place` without its linear part, per mass and per inertia.
+        The drift at `position` without its linear part, per mass and per inertia.
     clock : (R, CLOCK_COLUMNS)
         See `stepping.step_control`.
     noise : (R, steps, components, N) or None
@@ -46,7 +46,7 @@ class ParticleState(NamedTuple):
         None where nothing is fed in.
     """
 
-    place: Floats
+    position: Floats
     velocity: Floats
     force: Floats
     clock: Floats
@@ -76,10 +76,10 @@ class Rates(NamedTuple):
 class Trial(NamedTuple):
     """Where a step leads to: arrays (K, D, B) of all blocks, or (D, B) of one.
 
-    `place` is where a constant drift leads, within the walls; `force` is the drift there.
+    `position` is where a constant drift leads, within the walls; `force` is the drift there.
     """
 
-    place: Floats
+    position: Floats
     force: Floats
 
 
@@ -175,10 +175,11 @@ class Limits(NamedTuple):
 @kernel
 def realisation(state: ParticleState, k: int) -> ParticleState:
     """Realisation k alone, as views: the axis of realisations stays, with length 1."""
+    # Slices keep the axis, so that one kernel serves one realisation and many.
     one = slice(k, k + 1)
-    place, velocity, force, clock = state.place, state.velocity, state.force, state.clock
+    position, velocity, force, clock = state.position, state.velocity, state.force, state.clock
     return ParticleState(
-        place[one],
+        position[one],
         velocity[one],
         force[one],
         clock[one],
@@ -221,7 +222,7 @@ def _births_of_one(births: Births | None, k: int) -> Births | None:
         births.first,
         births.born[one],
         births.time[one],
-        births.place[one],
+        births.position[one],
         births.velocity[one],
         births.force[one],
     )
@@ -239,6 +240,7 @@ def noise_rows(noise: Floats | None, k: int, step: int) -> Floats | None:
 @kernel
 def largest_forces(force: Floats) -> tuple[float, float]:
     """The largest |F_x| or |F_y| and |F_bar| of forces (D, N)."""
+    # Where nothing turns there is no third row.
     torque = largest_size(force[ANGLE]) if force.shape[0] > ANGLE else 0.0
     return max(largest_size(force[X]), largest_size(force[Y])), torque
 
@@ -251,29 +253,32 @@ def note_forces(clock: Floats, force: float, torque: float) -> None:
 
 
 @kernel
-def all_finite(place: Floats) -> bool:
+def all_finite(position: Floats) -> bool:
     """Whether a (D, N) array holds neither NaN nor infinity."""
     bad = 0
-    for d in range(place.shape[0]):
-        for i in range(place.shape[1]):
-            bad += 0.0 * place[d, i] != 0.0
+    for d in range(position.shape[0]):
+        for i in range(position.shape[1]):
+            # 0 times infinity or NaN is NaN. A sum has no branch, so that the loop vectorises.
+            bad += 0.0 * position[d, i] != 0.0
     return bad == 0
 
 
 @kernel
-def bounce(box: Floats | None, place: Floats, velocity: Floats) -> None:
+def bounce(box: Floats | None, position: Floats, velocity: Floats) -> None:
     """Fold positions (D, N) back into the box, in place, and change the sign of the velocities there."""
     if box is not None:
         for d in range(2):
-            for i in range(place.shape[1]):
-                place[d, i], sign = reflect(place[d, i], box[d, 0], box[d, 1])
+            for i in range(position.shape[1]):
+                # Sides that do not reflect are infinitely far.
+                position[d, i], sign = reflect(position[d, i], box[d, 0], box[d, 1])
                 velocity[d, i] *= sign
 
 
 @kernel
-def wrap_places(periods: Floats | None, place: Floats) -> None:
+def wrap_positions(periods: Floats | None, position: Floats) -> None:
     """Shift positions (D, N) by whole periods into the domain, in place."""
     if periods is not None:
         for d in range(2):
-            for i in range(place.shape[1]):
-                place[d, i] = wrap(place[d, i], periods[d, 0], periods[d, 1])
+            for i in range(position.shape[1]):
+                # Along an axis that is not periodic the period is infinite, and nothing is shifted.
+                position[d, i] = wrap(position[d, i], periods[d, 0], periods[d, 1])

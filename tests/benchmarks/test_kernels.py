@@ -21,6 +21,7 @@ from ellipsoid_coupling.geometry.boundaries import Reflect
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.interaction.select import choose_interaction
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -53,7 +54,7 @@ def test_pair_sum(benchmark: Benchmark) -> None:
 
 
 def test_sample_forces(benchmark: Benchmark) -> None:
-    interaction = SampleInteraction(UNIT, UNIT, SHAPE, 0.025, 1.0, 2e-2)
+    interaction = SampleInteraction(Region(UNIT, UNIT), SHAPE, 0.025, 1.0, 2e-2)
     place = places(10_000)[None]
     force = np.zeros_like(place)
     benchmark(interaction.add_forces, place, (1.0, 1.0), force)

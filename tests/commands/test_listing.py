@@ -7,22 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.models import SCHEMES, model_kinds
 from ellipsoid_coupling.output.scene_schema import SCHEMA_FILE, SCHEMA_LINE
 from ellipsoid_coupling.scenes import builtin_scenes, load_scene
+from tests.command_line import status_of
 
 # Those of the package; other tests register more.
 OURS = [kind.name for kind in model_kinds() if kind.rank < 100]
-
-
-def status_of(*tokens: str) -> int:
-    try:
-        main(list(tokens))
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
 
 
 def table_rows(text: str) -> dict[str, str]:

@@ -7,22 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.commands.movie import frames_per_second
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.provide import SHIPPED
-
-FLOW = ["--flow", str(SHIPPED / "cavity.npz")]
-SMALL = ["--set", "particles.number=30", "numerics.cell=0.1", "times=[0.1, 0.2]"]
-SMALL += ["particles.realisations=2", "particles.length=0.1", "particles.width=0.05"]
-
-
-def status_of(*tokens: str) -> int:
-    try:
-        main(list(tokens))
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
+from tests.command_line import FLOW, SMALL, status_of
 
 
 @pytest.fixture(scope="module")

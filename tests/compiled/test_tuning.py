@@ -30,6 +30,7 @@ from ellipsoid_coupling.finite_volume.diagnostics import survey_cells
 from ellipsoid_coupling.finite_volume.fluxes import Ballistic, Force
 from ellipsoid_coupling.finite_volume.sweep import Runs, bundle_width, sweep_runs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.q_grid import AngleGridInteraction
 from ellipsoid_coupling.interaction.select import choose_interaction
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -71,7 +72,8 @@ forces = choose_interaction((50, 60), 0.02, shape, 1.0, 5e-3, "harmonics")(
 tell("rho integral", *forces)
 place = rng.random((1, 3, 400))
 force = np.zeros_like(place)
-SampleInteraction((0.0, 1.0), (0.0, 1.0), shape, 0.05, 1.0, 2e-2).add_forces(place, (1.0, 1.0), force)
+square = Region((0.0, 1.0), (0.0, 1.0))
+SampleInteraction(square, shape, 0.05, 1.0, 2e-2).add_forces(place, (1.0, 1.0), force)
 tell("samples", force)
 """
 

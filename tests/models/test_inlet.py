@@ -13,34 +13,23 @@ import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
+from tests.inlet_runs import DENSITY, balance, channel_scene
 from tests.outlined_flows import channel_outline, poiseuille
 
 PAIRED = pytest.mark.parametrize(
     ("model", "scheme"), [("microscopic", "accurate"), ("mckean_vlasov", "paper")]
 )
-# Density 1/4 everywhere at the start, and in the inlet; mean speed 1.
-DENSITY, TIMES = 0.25, (0.5, 2.0, 3.0)
+# The mean speed is 1.
+TIMES = (0.5, 2.0, 3.0)
 FLOW = poiseuille(channel_outline())
 
 
 def scene(**changes: Any) -> Scene:
-    settings = {
-        "domain.x": [0.0, 4.0], "domain.y": [0.0, 1.0], "domain.boundary": "open",
-        "start.x": [0.0, 4.0], "start.y": [0.0, 1.0], "particles.number": 2000,
-        "particles.length": 0.05, "particles.width": 0.025, "particles.inertia": 0.001,
-        "particles.realisations": 2, "times": list(TIMES), "numerics.cell": 0.125,
-        "flow.drag": 200.0, "flow.angular_drag": 200.0, "numerics.time_step": 0.004,
-        "boundaries.inlet.kind": "inlet", "boundaries.inlet.density": DENSITY,
-        "boundaries.inlet.angle": 0.7, "numerics.tolerance": 1e-3,
+    own = {
+        "particles.number": 2000, "particles.width": 0.025, "particles.realisations": 2,
+        "boundaries.inlet.angle": 0.7,
     }  # fmt: skip
-    return ec.load_scene("cavity_free", settings | changes)
-
-
-def balance(result: Result) -> tuple[Any, Any, Any]:
-    """Particles that came in, that are inside, and that ended, at each save."""
-    fate, start = result.variables["fate"], int(result.attributes["particles_at_start"])
-    inside, ended = (fate == 0).sum(axis=(1, 2)), (fate > 0).sum(axis=(1, 2))
-    return fate[0].size - (fate == -1).sum(axis=(1, 2)) - start, inside, ended
+    return channel_scene(TIMES, own | changes)
 
 
 @pytest.fixture(scope="module", params=[("microscopic", "accurate"), ("mckean_vlasov", "paper")])

@@ -17,6 +17,7 @@ from ellipsoid_coupling.interaction.pairs.cells import Sources, cell_grid, sort_
 from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.models import Model, SchemeName, Setup, build_model, model_terms
 from ellipsoid_coupling.models.mckean_vlasov import McKeanVlasov
 from ellipsoid_coupling.physics.potential import potential_shape
@@ -39,7 +40,7 @@ def one_thread() -> Iterator[None]:
 
 @functools.cache
 def interaction() -> SampleInteraction:
-    return SampleInteraction(UNIT, UNIT, SHAPE, WIDTH, 1.0, 2e-2)
+    return SampleInteraction(Region(UNIT, UNIT), SHAPE, WIDTH, 1.0, 2e-2)
 
 
 def forces(place: Floats) -> Floats:

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.flow import FlowField, FlowSeries
-from ellipsoid_coupling.result import Result
 from ellipsoid_coupling.scenes import Scene
+from tests.inlet_runs import DENSITY, balance, channel_scene
 from tests.outlined_flows import channel_outline, poiseuille
 
 Floats = NDArray[np.float64]
 
 PERIOD = 0.8
 NODES = np.linspace(0.0, PERIOD, 9)
-DENSITY, TIMES = 0.25, (0.3, 1.1)
+TIMES = (0.3, 1.1)
 STEADY = poiseuille(channel_outline())
 
 
@@ -58,23 +58,11 @@ def fed(factor: Callable[[Floats], Floats], until: float) -> float:
 
 
 def scene(**changes: Any) -> Scene:
-    settings = {
-        "domain.x": [0.0, 4.0], "domain.y": [0.0, 1.0], "domain.boundary": "open",
-        "start.x": [0.0, 4.0], "start.y": [0.0, 1.0], "particles.number": 1000,
-        "particles.length": 0.05, "particles.width": 0.05, "particles.inertia": 0.001,
-        "particles.realisations": 4, "times": list(TIMES), "numerics.cell": 0.125,
-        "flow.drag": 200.0, "flow.angular_drag": 200.0, "numerics.time_step": 0.004,
-        "boundaries.inlet.kind": "inlet", "boundaries.inlet.density": DENSITY,
-        "numerics.tolerance": 1e-3, "numerics.angle_cells": 4,
+    own = {
+        "particles.number": 1000, "particles.width": 0.05, "particles.realisations": 4,
+        "numerics.angle_cells": 4,
     }  # fmt: skip
-    return ec.load_scene("cavity_free", settings | changes)
-
-
-def counts(result: Result) -> tuple[Any, Any, Any]:
-    """Particles that came in, that are inside, and that ended, at each save."""
-    fate, start = result.variables["fate"], int(result.attributes["particles_at_start"])
-    inside, ended = (fate == 0).sum(axis=(1, 2)), (fate > 0).sum(axis=(1, 2))
-    return fate[0].size - (fate == -1).sum(axis=(1, 2)) - start, inside, ended
+    return channel_scene(TIMES, own | changes)
 
 
 @pytest.mark.parametrize("factor", [pulsating, turning])
@@ -86,7 +74,7 @@ def test_as_many_particles_come_in_as_the_fluid_carries(
 ) -> None:
     """Four standard deviations of a Poisson number, or one sample where they come in evenly."""
     result = ec.simulate(scene(), model, scheme, flow=flow(factor))
-    came_in, inside, ended = counts(result)
+    came_in, inside, ended = balance(result)
     start = result.attributes["particles_at_start"]
     assert np.array_equal(start + came_in, inside + ended)
     assert result.attributes["mass_came_in"] == came_in[-1] / start

@@ -25,7 +25,7 @@ from ellipsoid_coupling.models.plan_numbers import (
     phi3,
 )
 from ellipsoid_coupling.scenes import builtin_scenes
-from tests.test_cli import status_of
+from tests.command_line import status_of
 
 SMALL = {
     "particles.number": 30,

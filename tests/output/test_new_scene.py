@@ -11,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.grid import scene_grid
 from ellipsoid_coupling.flow import FlowField, analytic_flow
@@ -21,15 +20,10 @@ from ellipsoid_coupling.output.scene_choices import Wishes, choose
 from ellipsoid_coupling.scenes import Scene, load_scene, parse_toml, scene_to_toml
 from ellipsoid_coupling.scenes.boundary import BoundaryPart
 from ellipsoid_coupling.scenes.sides import known_kinds
+from tests.command_line import status_of
 
 DATA = Path(__file__).parents[1] / "data"
 NAMES = ("inlet", "outlet", "low wall", "high wall")
-
-
-def status_of(*tokens: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(tokens))
-    return int(ended.value.code or 0)
 
 
 def channel(

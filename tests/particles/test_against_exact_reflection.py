@@ -41,7 +41,7 @@ PARTICLES = 6
 class Way(NamedTuple):
     """Where an exact way ends, how many reflections it has, and whether rounding may change them."""
 
-    place: Exact
+    position: Exact
     reflections: int
     delicate: bool
 
@@ -155,7 +155,7 @@ def stepped(edges: EdgeGrid, place: Floats, velocity: Floats, scheme: str, dt: f
     for n in range(round(END / dt)):
         forces = BlockForces(Drift(External()), None)
         advance_own_clocks(STEPPERS[scheme], state, forces, rates, limits, (n + 1) * dt, 10)
-    return np.asarray(state.place[0])
+    return np.asarray(state.position[0])
 
 
 def compare(seed: int, steps: int, scheme: str) -> int:
@@ -170,7 +170,7 @@ def compare(seed: int, steps: int, scheme: str) -> int:
     for i in range(place.shape[1]):
         way = exact_way(ends, place[:, i], velocity[:, i])
         if not way.delicate:
-            assert found[:, i] == pytest.approx([float(c) for c in way.place], abs=1e-9)
+            assert found[:, i] == pytest.approx([float(c) for c in way.position], abs=1e-9)
             compared += way.reflections
     return compared
 

@@ -105,7 +105,7 @@ def test_a_bounce_against_a_force_keeps_order_two(damping: float) -> None:
                 until = end if end - until < 1e-9 else until
                 limits = Limits(dt, 1e30, np.ones(2), box)
                 advance_own_clocks(STEPPERS["accurate"], state, SPRING, rates, limits, until, 1)
-            found.append(state.place[0, 0, 0] - sprung(damping, end, 0.3))
+            found.append(state.position[0, 0, 0] - sprung(damping, end, 0.3))
         errors.append(np.abs(found).max())
     assert errors[1] < 1e-3
     assert errors[0] / errors[1] > 3.4**2

@@ -55,7 +55,7 @@ def billiard(edges: EdgeGrid, place: Vector, velocity: Vector, dt: float, steps:
     end = follow(edges, Path(place, velocity, ZERO, ZERO, ZERO, ZERO, 0.0), 0.0)
     for _ in range(steps):
         end = follow(edges, Path(place, velocity, ZERO, ZERO, ZERO, ZERO, 0.0), dt)
-        place, velocity = end.place, end.velocity
+        place, velocity = end.position, end.velocity
     return end
 
 
@@ -68,8 +68,8 @@ def test_a_billiard_in_a_circle_keeps_its_energy(reflections: int, dt: float) ->
     steps = int(1.2 * reflections / dt)
     end = billiard(edges, (0.3, 0.2), (0.6, 0.8), dt, steps)
     assert abs(math.hypot(*end.velocity) - 1.0) < 5e-13
-    assert math.hypot(*end.place) < 1.0
-    inside = in_fluid(ring_of(circle(1.0, 400)), *(np.array([value]) for value in end.place))
+    assert math.hypot(*end.position) < 1.0
+    inside = in_fluid(ring_of(circle(1.0, 400)), *(np.array([value]) for value in end.position))
     assert inside.all()
 
 
@@ -77,7 +77,7 @@ def test_a_circle_keeps_the_angular_momentum_up_to_its_corners() -> None:
     """Chords of a true circle meet it at one angle; those of 20000 edges to 2 pi/20000 for each bounce."""
     edges = grid_of(ring_of(circle(1.0, 20_000)))
     end = follow(edges, free((0.3, 0.2), (0.6, 0.8)), 30.0)
-    (x, y), (u, v) = end.place, end.velocity
+    (x, y), (u, v) = end.position, end.velocity
     assert x * v - y * u == pytest.approx(0.3 * 0.8 - 0.2 * 0.6, abs=20 * math.pi / 20_000)
 
 
@@ -96,7 +96,7 @@ def test_a_box_is_two_coordinates(damping: float) -> None:
             start, speed, force, slope, noise, kick = given
             flight = Flight(start, speed, force, slope, noise, damping)
             at, after, sign, _ = fly(flight, 1.0, 0.0, high)
-            assert end.place[d] == pytest.approx(at, abs=1e-11)
+            assert end.position[d] == pytest.approx(at, abs=1e-11)
             assert end.velocity[d] == pytest.approx(after + sign * kick, abs=1e-10)
 
 
@@ -119,8 +119,8 @@ def test_a_ball_on_a_slope_bounces_as_in_its_frame() -> None:
         start = 0.32 * normal
         end = follow(edges, Path(tuple(start), ZERO, tuple(pull), ZERO, ZERO, ZERO, 0.0), t)
         at, speed, _, _ = fly(Flight(0.32, 0.0, -1.0, 0.0, 0.0, 0.0), t, 0.0, 9.0)
-        assert normal @ end.place == pytest.approx(at, abs=5e-12)
-        assert along @ end.place == pytest.approx(0.15 * t * t, abs=1e-12)
+        assert normal @ end.position == pytest.approx(at, abs=5e-12)
+        assert along @ end.position == pytest.approx(0.15 * t * t, abs=1e-12)
         assert normal @ end.velocity == pytest.approx(speed, abs=5e-12)
 
 
@@ -128,7 +128,7 @@ def test_what_is_pressed_against_a_wall_slides_along_it() -> None:
     """With its speed along the wall, and its tiny one across kept: no bounce is followed without end."""
     edges = grid_of(ring_of(corners((0.0, 4.0), (0.0, 1.0))))
     end = follow(edges, Path((0.5, 0.0), (1.0, 0.0), (0.0, -1.0), ZERO, ZERO, ZERO, 0.0), 2.0)
-    assert end.place == pytest.approx((2.5, 0.0), abs=1e-12)
+    assert end.position == pytest.approx((2.5, 0.0), abs=1e-12)
     assert end.velocity == pytest.approx((1.0, 0.0), abs=1e-6)
     turned = circle(1.0, 90)
     end = follow(
@@ -136,7 +136,7 @@ def test_what_is_pressed_against_a_wall_slides_along_it() -> None:
         Path((0.0, -0.9), (0.3, 0.0), (0.0, -50.0), ZERO, ZERO, ZERO, 5.0),
         3.0,
     )
-    assert in_fluid(ring_of(turned), *(np.array([value]) for value in end.place)).all()
+    assert in_fluid(ring_of(turned), *(np.array([value]) for value in end.position)).all()
 
 
 SOLIDS = {
@@ -160,7 +160,7 @@ def scatter(edges: EdgeGrid, starts: Floats, dt: float, steps: int, places: Floa
             noise = swing[1], swing[0]
             path = Path(place, velocity, force, slope, noise, ZERO, 1.0 / dt)
             end = follow(edges, path, dt)
-            place, velocity = end.place, end.velocity
+            place, velocity = end.position, end.velocity
             places[step, i, 0], places[step, i, 1] = place
 
 
@@ -196,7 +196,7 @@ def test_aimed_at_a_corner(offset: float) -> None:
                 continue
             for speed in (1.0, 3.7, 1e3):
                 end = follow(grid, free(start, (speed * way[0], speed * way[1])), 1.2)
-                found = np.array([end.place[0]]), np.array([end.place[1]])
+                found = np.array([end.position[0]]), np.array([end.position[1]])
                 assert in_fluid(ends, *found).all()
                 assert math.hypot(*end.velocity) == pytest.approx(
                     speed * math.hypot(*way), rel=1e-13
@@ -208,7 +208,7 @@ def test_a_plate_has_two_sides() -> None:
     edges = grid_of(channel_outline(SOLIDS["plate"]).ends)
     for start, speed, end_x in ((0.6, 1.0, 0.6), (1.4, -1.0, 1.4)):
         end = follow(edges, free((start, 0.5), (speed, 0.0)), 0.8)
-        assert end.place == pytest.approx((end_x, 0.5), abs=1e-12)
+        assert end.position == pytest.approx((end_x, 0.5), abs=1e-12)
         assert end.velocity == (-speed, 0.0)
 
 
@@ -218,7 +218,7 @@ def test_an_edge_that_ends_a_path_tells_when_and_which() -> None:
     end = follow(edges, free((3.0, 0.5), (0.5, 0.5)), 10.0)
     assert end.edge == 1
     assert end.time == pytest.approx(2.0, abs=1e-12)
-    assert end.place == pytest.approx((4.0, 0.5), abs=1e-12)
+    assert end.position == pytest.approx((4.0, 0.5), abs=1e-12)
 
 
 def test_periodic_sides_shift_as_often_as_it_takes() -> None:
@@ -228,9 +228,9 @@ def test_periodic_sides_shift_as_often_as_it_takes() -> None:
     edges = grid_of(box, [REFLECTS, SHIFTS, REFLECTS, SHIFTS], shifts)
     for speed in (0.7, -0.7, 13.1):
         end = follow(edges, free((1.0, 0.5), (speed, 0.3)), 9.0)
-        assert end.place[0] == pytest.approx((1.0 + 9.0 * speed) % 4.0, abs=1e-11)
+        assert end.position[0] == pytest.approx((1.0 + 9.0 * speed) % 4.0, abs=1e-11)
         up = (0.5 + 2.7) % 2.0
-        assert end.place[1] == pytest.approx(2.0 - up if up > 1.0 else up, abs=1e-11)
+        assert end.position[1] == pytest.approx(2.0 - up if up > 1.0 else up, abs=1e-11)
 
 
 def test_numbers_that_are_none_come_back_as_such() -> None:
@@ -238,6 +238,6 @@ def test_numbers_that_are_none_come_back_as_such() -> None:
     edges = grid_of(ring_of(circle(1.0, 40)))
     for bad in (math.nan, math.inf):
         end = follow(edges, free((0.0, 0.0), (bad, 0.0)), 1.0)
-        assert not math.isfinite(end.place[0])
+        assert not math.isfinite(end.position[0])
     end = follow(edges, free((0.1, 0.2), (1e200, 1e150)), 1.0)
-    assert math.hypot(*end.place) < 1.0
+    assert math.hypot(*end.position) < 1.0

@@ -16,7 +16,7 @@ from ellipsoid_coupling.particles.forces import BlockForces
 from ellipsoid_coupling.particles.linear import (
     linear_step,
     phi_functions,
-    place_variance,
+    position_variance,
 )
 from ellipsoid_coupling.particles.noise import STEPS_PER_BLOCK, gaussian_block
 from ellipsoid_coupling.particles.own_clock import advance_own_clocks
@@ -73,7 +73,7 @@ def march(
     scheme: Stepper, state: ParticleState, drift: Drift, rates: Rates, dt: float, end: float
 ) -> None:
     """Fixed steps: each call may only reach its own end."""
-    degrees = state.place.shape[1]
+    degrees = state.position.shape[1]
     for n in range(round(end / dt)):
         advance(scheme, state, drift, rates, limits_of(dt, degrees), (n + 1) * dt, 1)
 
@@ -99,7 +99,7 @@ def test_order_is_the_declared_one(scheme: Stepper, stagnation_flow: FlowField) 
     for dt in (0.02, 0.01):
         state = state_at(np.array([[0.7], [0.4]]), np.zeros((2, 1)))
         march(scheme, state, drift, rates_of(1.0), dt, 1.6)
-        errors.append(np.abs(state.place[0, :, 0] - truth).max())
+        errors.append(np.abs(state.position[0, :, 0] - truth).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(scheme.order, abs=0.15)
 
 
@@ -109,7 +109,7 @@ def test_accurate_meets_its_closed_form_to_1e6(stagnation_flow: FlowField) -> No
     limits = limits_of(0.01, tolerance=1e-10)
     while state.clock[0, TIME] < 2.0:
         advance(ACCURATE, state, drift, rates_of(1.0), limits, 2.0, 1000)
-    assert np.abs(state.place[0, :, 0] - stagnation_truth(0.7, 0.4, 2.0)).max() < 1e-6
+    assert np.abs(state.position[0, :, 0] - stagnation_truth(0.7, 0.4, 2.0)).max() < 1e-6
 
 
 def test_the_error_follows_the_tolerance(stagnation_flow: FlowField) -> None:
@@ -121,7 +121,7 @@ def test_the_error_follows_the_tolerance(stagnation_flow: FlowField) -> None:
         limits = limits_of(0.1, tolerance=tolerance)
         while state.clock[0, TIME] < 2.0:
             advance(ACCURATE, state, drift, rates_of(1.0), limits, 2.0, 1000)
-        errors.append(np.abs(state.place[0, :, 0] - stagnation_truth(0.7, 0.4, 2.0)).max())
+        errors.append(np.abs(state.position[0, :, 0] - stagnation_truth(0.7, 0.4, 2.0)).max())
     assert errors[0] / errors[1] > 30
 
 
@@ -131,7 +131,7 @@ def test_stiff_drag_costs_nothing(stagnation_flow: FlowField) -> None:
     state = state_at(np.array([[0.7], [0.4]]), np.zeros((2, 1)))
     march(ACCURATE, state, drift, rates_of(1e6), 0.01, 1.0)
     expected = [0.7 * math.exp(-1.0), 0.4 * math.exp(1.0)]
-    assert np.allclose(state.place[0, :, 0], expected, rtol=1e-4)
+    assert np.allclose(state.position[0, :, 0], expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("z", [0.0, 1e-9, 1e-3, 0.3, 0.49, 0.51, 2.0, 50.0])
@@ -142,7 +142,7 @@ def test_phi_functions_against_their_integrals(z: float) -> None:
     expected = [np.sum(w * np.exp(-z * (1 - s)) * s**k / math.factorial(k)) for k in range(3)]
     assert np.allclose(phi_functions(z), expected, rtol=1e-12 if z > 10 else 1e-14)
     held = -np.expm1(-z * s) / z if z > 0 else s  # what a velocity kick adds to the place
-    assert place_variance(z) == pytest.approx(np.sum(w * held**2), rel=1e-13)
+    assert position_variance(z) == pytest.approx(np.sum(w * held**2), rel=1e-13)
 
 
 def test_noise_has_the_exact_covariance() -> None:
@@ -152,8 +152,8 @@ def test_noise_has_the_exact_covariance() -> None:
         total = np.zeros((2, 2))
         for _ in range(halves):
             s = linear_step(1.3, 0.7, dt)
-            move = np.array([[1.0, s.place_velocity], [0.0, s.decay]])
-            kick = np.array([[s.place_noise, 0.0], [s.shared_noise, s.own_noise]])
+            move = np.array([[1.0, s.position_velocity], [0.0, s.decay]])
+            kick = np.array([[s.position_noise, 0.0], [s.shared_noise, s.own_noise]])
             total = move @ total @ move.T + kick @ kick.T
         return total
 
@@ -190,7 +190,7 @@ def test_strong_order_one_of_the_paper_scheme_on_one_brownian_path() -> None:
         state = state_at(np.zeros((2, n)), np.zeros((2, n)), noise[None].copy())
         drift = Drift(External(outer=Harmonic(2.0)))
         advance(PAPER, state, drift, rates_of(0.5, 1.0), limits_of(dt), end, steps)
-        ends.append(state.place[0].copy())
+        ends.append(state.position[0].copy())
     errors = [math.sqrt(np.mean((e - ends[0]) ** 2)) for e in ends[1:]]
     assert math.log2(errors[1] / errors[0]) == pytest.approx(1.0, abs=0.2)
 
@@ -199,11 +199,11 @@ def oscillator_energies(tolerance: float, periods: int) -> Floats:
     """Energy over that at the start, after each call of an undamped oscillator, steps of its own choice."""
     drift, found = Drift(External(outer=Harmonic(1.0))), []
     state = state_at(np.array([[1.0, 0.6], [0.0, 0.3]]), np.array([[0.0, 0.1], [0.5, 0.0]]))
-    first = (state.place**2 + state.velocity**2).sum()
+    first = (state.position**2 + state.velocity**2).sum()
     limits, end = limits_of(0.01, tolerance=tolerance), 2.0 * np.pi * periods
     while state.clock[0, TIME] < end:
         advance(ACCURATE, state, drift, rates_of(0.0), limits, end, 17)
-        found.append((state.place**2 + state.velocity**2).sum() / first - 1.0)
+        found.append((state.position**2 + state.velocity**2).sum() / first - 1.0)
     return np.array(found)
 
 
@@ -224,9 +224,9 @@ def test_steps_without_drag_can_be_reversed() -> None:
     drift = Drift(External(outer=Harmonic(1.0)))
     state = state_at(np.array([[1.0], [0.3]]), np.array([[0.0], [0.5]]))
     march(ACCURATE, state, drift, rates_of(0.0), 0.1, 10.0)
-    back = state_at(state.place[0], -state.velocity[0])
+    back = state_at(state.position[0], -state.velocity[0])
     march(ACCURATE, back, drift, rates_of(0.0), 0.1, 10.0)
-    assert np.allclose(back.place[0], [[1.0], [0.3]], atol=1e-12)
+    assert np.allclose(back.position[0], [[1.0], [0.3]], atol=1e-12)
     assert np.allclose(back.velocity[0], [[0.0], [-0.5]], atol=1e-12)
 
 
@@ -244,7 +244,9 @@ def test_the_first_step_with_noise_follows_the_tolerance() -> None:
         block += 1
     w = math.sqrt(1.0 - 0.0025**2)
     mean = 2.0 * math.exp(-0.0025) * (math.cos(w) + 0.0025 / w * math.sin(w))
-    assert state.place.mean() == pytest.approx(mean, abs=4.0 * state.place.std() / number**0.5)
+    assert state.position.mean() == pytest.approx(
+        mean, abs=4.0 * state.position.std() / number**0.5
+    )
     assert state.clock[0, REJECTED] > 0
 
 
@@ -261,7 +263,7 @@ def test_the_worst_particle_bounds_the_step() -> None:
             advance(ACCURATE, state, drift, rates_of(0.5), limits, 1.0, 1000)
         w = math.sqrt(100.0 - 0.0625)
         truth = math.exp(-0.25) * (math.cos(w) + 0.25 / w * math.sin(w))
-        errors.append(abs(state.place[0, 0, 0] - truth))
+        errors.append(abs(state.position[0, 0, 0] - truth))
     assert errors[1] < 10.0 ** (2.0 / 3.0) * 1.3 * errors[0]
 
 
@@ -285,7 +287,7 @@ def test_walls_reflect(scheme: Stepper) -> None:
     advance(scheme, state, NO_DRIFT, rates_of(0.0), limits, 3.1, 1000)
     way = np.array([0.2 + 1.3 * 3.1, 0.5 - 0.9 * 3.1])
     folded = np.abs(np.mod(way + 1.0, 2.0) - 1.0)
-    assert np.allclose(state.place[0, :, 0], folded, atol=1e-12)
+    assert np.allclose(state.position[0, :, 0], folded, atol=1e-12)
     assert np.allclose(np.abs(state.velocity[0, :, 0]), [1.3, 0.9], atol=1e-12)
 
 
@@ -303,4 +305,4 @@ def test_too_long_steps_are_repeated_shorter() -> None:
     advance(ACCURATE, state, drift, rates_of(0.0), limits_of(1.0, tolerance=1e-6), 0.01, 10**6)
     assert state.clock[0, REJECTED] > 0
     assert state.clock[0, STEPS] > 1
-    assert np.allclose(state.place[0], math.cos(1.0), atol=1e-4)
+    assert np.allclose(state.position[0], math.cos(1.0), atol=1e-4)

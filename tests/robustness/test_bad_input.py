@@ -14,13 +14,12 @@ import pytest
 
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.flow import analytic_flow
-from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.scenes import load_scene, scene_to_toml
+from tests.command_line import FLOW
 from tests.robustness.conftest import within_limits
 
 DATA = Path(__file__).parents[1] / "data"
 RUN = ["--model", "microscopic"]
-FLOW = ["--flow", str(SHIPPED / "cavity.npz")]
 # Makes the input in a folder and gives the command that is to refuse it.
 Make = Callable[[Path], list[str]]
 

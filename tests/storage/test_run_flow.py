@@ -12,24 +12,16 @@ import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
-from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, Wanted, provide
 from ellipsoid_coupling.flow.openfoam import programs, solve, solved_cases
 from ellipsoid_coupling.flow.provide import SHIPPED
 from ellipsoid_coupling.simulation import scene_flow
 from ellipsoid_coupling.storage.run_flow import load_runs, run_flow
+from tests.command_line import status_of
 
 SMALL = ["--set", "particles.number=20", "particles.realisations=1", "times=[0.1, 0.2]"]
 SMALL += ["particles.length=0.1", "particles.width=0.05", "numerics.cell=0.1"]
-
-
-def status_of(*tokens: str) -> int:
-    try:
-        main(list(tokens))
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
 
 
 @pytest.fixture(autouse=True)

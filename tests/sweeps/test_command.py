@@ -11,8 +11,8 @@ import xarray as xr
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.errors import RunError
 from ellipsoid_coupling.sweeps import job as job_module
+from tests.command_line import status_of
 from tests.sweeps.small import MODEL, ON_COMMAND_LINE, names_in, same_variables, small_scene
-from tests.test_cli import status_of
 
 SWEEP = ["sweep", "stationary", "--model", MODEL, "--set", *ON_COMMAND_LINE]
 HERE = ["--workers", "1"]

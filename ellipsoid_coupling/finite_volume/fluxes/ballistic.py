@@ -147,6 +147,7 @@ def ballistic_outflow(flux: Ballistic, stencil: Stencil, ratio: float) -> tuple[
     # Distance of the centre of mass from the centre, times the density.
     twelfth = TWELFTH * slope
     centre = twelfth * inverse[1]
+    # 1/rho comes from the sweep, once a cell: three cells look at each.
     v = here[ALONG] * inverse[1]
     dv = advected_slope(
         below[ALONG] * inverse[0],

@@ -54,6 +54,7 @@ def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     v_l, v_r = m_l * stencil.inverse[0], m_r * stencil.inverse[1]
     push_l, push_r = cell_pressure(flux.pressure, left), cell_pressure(flux.pressure, right)
     middle_density = 0.5 * (rho_l + rho_r) - half * (m_r - m_l)
+    # F of the momentum is m v + P.
     rise = m_r * v_r - m_l * v_l + (push_r - push_l)
     middle_momentum = 0.5 * (m_l + m_r) - half * rise
     # Beside vacuum U* may be empty; it has no velocity then.
@@ -62,6 +63,7 @@ def force_flux(flux: Force, stencil: Stencil, ratio: float) -> Values:
     rises = sub(scale(v_r, right[2:]), scale(v_l, left[2:]))
     means = scale(0.5, add(left[2:], right[2:]))
     middle = (middle_density, middle_momentum, *sub(means, scale(half, rises)))
+    # c v_L and c v_R; `middle_v` is c v* already.
     part_l, part_r = half * v_l, half * v_r
     weight_l = fma(middle_v, 0.5 + part_l, fma(0.5, part_l, 0.25))
     weight_r = fma(middle_v, 0.5 - part_r, fma(0.5, part_r, -0.25))

@@ -127,19 +127,27 @@ def ballistic_outflow_in_fluid(
     before, after = below[DENSITY] / low.volume, above[DENSITY] / high.volume
     slope = limited(density - before, after - density, DENSITY_LIMIT, flux.bends[0] * density)
     twelfth = TWELFTH * slope
+    # 1/q = J/rho.
     centre = twelfth * inverse[1] * own.volume
+    # Each cell against its own fluid: what is left has the slope that is limited.
     w = here[ALONG] * inverse[1] - own.mean
     others = below[ALONG] * inverse[0] - low.mean, w, above[ALONG] * inverse[2] - high.mean
     dw = _slope_of(others, inverse, flux.bends[1])
+    # Across a cell v changes by the particles' own slope and by the fluid's.
     stretch = max(fma(ratio, dw + (own.upper - own.lower), 1.0), 0.1)
+    # The mean of own flight, c v/(1 + c dv), and of the fluid's, c v/J.
     part = ratio * ((1.0 - fluid.follows) / stretch + fluid.follows / own.volume)
+    # At a face the fluid's velocity is known; only w is taken there by its slope.
     upper = min(max(part * (own.upper + fma(dw, 0.5 - centre, w)), 0.0), flux.largest_part)
     lower = min(max(-part * (own.lower + fma(dw, -0.5 - centre, w)), 0.0), flux.largest_part)
+    # No cell gives more than it holds.
     lower = min(lower, 1.0 - upper)
     middle_up, middle_down = fma(-0.5, upper, 0.5), fma(-0.5, lower, 0.5)
+    # From densities per fluid back to contents.
     up = own.volume * upper * fma(slope, middle_up, density)
     down = own.volume * lower * fma(-slope, middle_down, density)
     cubes = own.volume * twelfth
+    # As in `ballistic`: the strip's centre against the centre of mass, and sigma^3/12.
     arm_up = fma(cubes, upper * upper * upper, up * (middle_up - centre))
     arm_down = fma(cubes, lower * lower * lower, -down * (middle_down + centre))
     advected_up, advected_down = map_fields(
@@ -154,6 +162,7 @@ def ballistic_outflow_in_fluid(
 def _per_fluid(cell: Values, inverse: float, around: _Around, face: float) -> Values:
     """A cell's contents per fluid, its velocity taken at a face where the fluid's is `face`."""
     contents = scale(1.0 / around.volume, cell)
+    # The fluid's mean velocity in the cell is replaced by that at the face.
     velocity = cell[ALONG] * inverse - around.mean + face
     return (contents[DENSITY], contents[DENSITY] * velocity, *contents[2:])
 
@@ -170,6 +179,7 @@ def force_flux_in_fluid(flux: ForceInFluid, stencil: Stencil, ratio: float) -> V
         stencil.inverse[1] * own.volume,
         stencil.inverse[2],
     )
+    # A flux of faces does not look at `above`, which may stay as it is.
     seen = Stencil(below, here, stencil.above, inverse, stencil.cell, stencil.stride)
     return force_flux(Force(flux.pressure, flux.vacuum), seen, ratio)
 

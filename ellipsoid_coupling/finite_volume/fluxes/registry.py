@@ -124,6 +124,7 @@ def flux_named(name: str, pressure: Pressure, balanced: bool, where: str) -> Flu
         raise InputError(
             where,
             f"a numerical flux that fits closure and scheme: {', '.join(fit)}",
+            # A known one that does not fit is told apart from a word that is no flux.
             f"{name!r}, which does not" if name in _fluxes else repr(name),
             "Choose one of these, or leave the key out for the scheme's own.",
         )
@@ -131,6 +132,7 @@ def flux_named(name: str, pressure: Pressure, balanced: bool, where: str) -> Flu
 
 
 def _force(moved: Transported) -> Force | ForceInFluid:
+    # Types of their own: runs without a staircase compile nothing of the fluid.
     if moved.fluid is None:
         return Force(moved.pressure, moved.vacuum)
     return ForceInFluid(moved.pressure, moved.fluid, moved.vacuum)

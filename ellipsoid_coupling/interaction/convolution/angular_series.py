@@ -85,6 +85,7 @@ def angular_series(
 
     def error(harmonics: int) -> float:
         part = _expand(shape, h * np.sqrt(squares[few]), harmonics, entries, True)
+        # Each distance as often as the disc of offsets has it.
         norms, errors = offsets[few] @ part.peaks, offsets[few] @ part.misses
         # Where no cell but a particle's own is within reach, there is nothing to miss.
         return float(np.max(errors / np.where(norms > 0.0, norms, 1.0)))
@@ -117,6 +118,7 @@ def _first_within(error: Callable[[int], float], tolerance: float, most: int) ->
                 return most + 1
         if high == most:
             return most + 1
+        # By doubling, and then by halving between the last two lengths.
         low, high, before = high, min(2 * high + 2, most), now
     while high - low > 1:
         middle = (low + high) // 2
@@ -174,6 +176,7 @@ def _lattice(harmonics: int) -> _Lattice:
     angles = round_up_to_vectors(max(LEAST_ANGLES, OVERSAMPLING * harmonics))
     # The potential is pi-periodic in each angle, so half a turn is sampled.
     lattice = np.pi * np.arange(angles) / angles
+    # Zeros to the end of a vector, which sums in registers read.
     basis = np.zeros((round_up_to_vectors(functions), angles))
     angular_basis(lattice[None, :], basis[:functions, None])
     dual = basis * (2.0 / angles)
@@ -191,6 +194,7 @@ def _expand(
     measured: bool,
 ) -> _Expansion:
     """Of these entries of `pair_potential`; with `measured`, peaks and misses as well."""
+    # Both slopes are one force: one measure less than there are entries.
     functions, measures = 2 * harmonics + 1, len(entries) - 1 if measured else 0
     coefficients = np.empty((distances.size, len(entries), functions, functions))
     peaks, misses = np.empty((2, distances.size, measures))
@@ -268,6 +272,7 @@ def _set_largest(values: Array, out: Array) -> None:
             force = max(force, values[0, i, j] ** 2 + values[1, i, j] ** 2)
             if out.size == 2:
                 torque = max(torque, abs(values[2, i, j]))
+    # Squares up to here: one root for all angles.
     out[0] = np.sqrt(force)
     if out.size == 2:
         out[1] = torque

@@ -50,6 +50,7 @@ FORCES, POTENTIAL = Parities((1, -1, -1), (True, True, False)), Parities((1,), (
 def basis_parity(functions: int) -> NDArray[np.int64]:
     """Parity of 1, cos 2 theta, sin 2 theta, ... in theta: (functions,) of 1 and -1."""
     index = np.arange(functions)
+    # Sines stand at even indices from 2 on.
     return np.where((index > 0) & (index % 2 == 0), -1, 1)
 
 
@@ -150,6 +151,7 @@ def _turn(blocks: Array, alpha: Array) -> Array:
     double = 2.0 * np.arange(1, harmonics + 1)[:, None] * alpha[:, None, None, None]
     c, s = np.cos(double), np.sin(double)
     # b_p(theta + alpha): a rotation of each pair cos, sin, in either angle.
+    # The second view has the functions of thetabar where the first one has those of theta.
     for view in (blocks, blocks.swapaxes(2, 3)):
         cosine, sine = view[:, :, 1::2].copy(), view[:, :, 2::2].copy()
         view[:, :, 1::2] = c * cosine - s * sine

@@ -49,6 +49,8 @@ class _Component(NamedTuple):
     mirrored: int
 
 
+# U is even in everything; each derivative changes the sign under the reflection of its own coordinate,
+# and y -> -y turns the angle round as well.
 _POTENTIAL = (_Component(0, 0, 1),)
 _FORCE = (_Component(1, 1, 1), _Component(2, 1, -1))
 _TORQUE = (_Component(3, 0, -1),)
@@ -145,6 +147,7 @@ class AngleKernels:
         # cos(a + b) = cos a cos b - sin a sin b and sin(a + b) likewise: both kinds along x for each.
         across = np.array([np.hstack([cosine, -sine]), np.hstack([sine, cosine])])
         which = np.zeros((*self._samples.shape[:3], 2), np.int64)
+        # The first kind across makes sums of cosines, the second one of sines.
         which[..., 1] = self.odd[:, None, None]
         transform_blocks(self._samples, along, across, which, blocks)
 
@@ -189,6 +192,7 @@ def _sample_offsets(
 ) -> None:
     h, j, width, entry = row
     cosines, sines = angles
+    # Offset i = 0.
     middle = out.shape[1] // 2
     for b in range(cosines.size):
         for i in range(-width, width + 1):

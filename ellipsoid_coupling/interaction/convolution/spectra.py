@@ -186,6 +186,7 @@ def multiply(
     """
     py = waves.shape[1]
     for ky in range(range_of_ky[0], range_of_ky[1]):
+        # 0, and Py/2, are their own opposites.
         minus = (py - ky) % py
         both = waves[:, ky], waves[:, minus]
         _multiply_rows(blocks[ky], which, symmetry, both, fields[:, :, ky], fields[:, :, minus])
@@ -210,6 +211,7 @@ def _multiply_rows(
     components, count, n = upper.shape
     lines, lanes = block.shape[1], block.shape[4]
     # Both frequencies' real and imaginary parts beside each other: four sums for each block entry.
+    # Zeros: lanes beyond the last frequency are multiplied as well.
     sources = np.zeros((lines, count, 4, lanes), block.dtype)
     for q in range(count):
         _set_parts(waves[0][q], waves[1][mirror[q]], parity[q], sources[:, q])

@@ -94,22 +94,25 @@ def cell_grid(
 def _cells_along(interval: Interval, size: float, wraps: bool) -> tuple[float, int, float]:
     """Cells in a unit of length, how many there are, and the period; each at least `size` wide."""
     width = interval[1] - interval[0]
+    # Cells need not fit: the last one may go beyond the side.
     if not wraps:
         return 1.0 / size, max(1, int(np.ceil(width / size))), 0.0
+    # Rounded down: a cell may be wider than half the reach, never narrower, or two of
+    # them would not reach. Four at least, for a period is twice the reach.
     # The reach may be half the period to the last bit.
     count = int(np.floor(width / size * (1.0 + 1e-12)))
     return count / width, count, width
 
 
 @inline_kernel
-def _clamped(place: float, most: int) -> int:
-    """The cell of `place`, in cells, within [0, most]; 0 for NaN."""
+def _clamped(position: float, most: int) -> int:
+    """The cell of `position`, in cells, within [0, most]; 0 for NaN."""
     # Comparisons, not min and max: they keep NaN from becoming an index.
     index = 0
-    if place >= most:
+    if position >= most:
         index = most
-    elif place > 0.0:
-        index = int(place)
+    elif position > 0.0:
+        index = int(position)
     return index
 
 
@@ -135,8 +138,11 @@ def sort_into(
     # first[c + 1] is the count of cell c; summed up it is where cell c + 1 begins.
     for c in range(first.size - 1):
         first[c + 1] += first[c]
+    # `first` stays; where the next particle of each cell goes is counted in a copy.
     free = first[:-1].copy()
     for i in range(x.size):
+        # Until here `rank` holds the cell, from here on where the particle went. In the order of
+        # the particles, which makes it stable: sums over a cell have one order.
         cell = rank[i]
         r = free[cell]
         free[cell] += 1
@@ -184,16 +190,19 @@ def add_runs(
     if not 0 <= row < grid.rows:
         if grid.period_y == 0.0:
             return count
+        # The row on the other side, a period further on.
         beyond = 1 if row >= grid.rows else -1
         row, up = row - beyond * grid.rows, beyond * grid.period_y
     first, width = sources.first, grid.columns
     start = row * width
     if grid.period_x > 0.0 and low < 0:
+        # The last columns of the row, seen a period further left.
         ends = first[start + width + low], first[start + width]
         count = _put_run(runs, count, ends, (-grid.period_x, up))
     ends = first[start + max(low, 0)], first[start + min(high + 1, width)]
     count = _put_run(runs, count, ends, (0.0, up))
     if grid.period_x > 0.0 and high >= width:
+        # Its first columns, seen a period further right.
         ends = first[start], first[start + high + 1 - width]
         count = _put_run(runs, count, ends, (grid.period_x, up))
     return count
@@ -206,6 +215,7 @@ def copy_run(records: Floats, runs: Runs, r: int, buffer: Floats, count: int) ->
     right, up = runs.shifts[r, 0], runs.shifts[r, 1]
     for j in range(begin, end):
         to = count + j - begin
+        # From records, which are fetched by the half line, to components, which are read in vectors.
         buffer[X, to], buffer[Y, to] = records[j, X] + right, records[j, Y] + up
         buffer[C2, to], buffer[S2, to] = records[j, C2], records[j, S2]
     copied: int = count + end - begin

@@ -96,6 +96,7 @@ def sum_in_lanes(values: Floats) -> float:
         s5 += values[j + 5]
         s6 += values[j + 6]
         s7 += values[j + 7]
+    # By halves, as a vector is folded: always in this order.
     return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7))
 
 
@@ -121,6 +122,7 @@ def _feel(
     x, y, c2, s2 = target
     for j in range(round_up_to_vectors(count)):
         other = load(others, j)
+        # delta of `eq:interaction` leads from the target to the other one.
         _, by_x, by_y, by_theta = pair_potential(
             other[X] - x, other[Y] - y, c2, s2, other[C2], other[S2], shape
         )
@@ -169,6 +171,7 @@ def _meet(
         by_x, by_y = by_x if met else 0.0, by_y if met else 0.0
         by_theta, slope_bar = by_theta if met else 0.0, slope_bar if met else 0.0
         store(given, j, (by_x, by_y, by_theta))
+        # Forces are opposite, torques are not: each angle has a slope of its own.
         store(felt, j, (before[0] - by_x, before[1] - by_y, before[2] + slope_bar))
 
 
@@ -202,8 +205,10 @@ def _set_runs(
     low, high = column - CELLS_PER_REACH, column + CELLS_PER_REACH
     count, below = 0, 0
     for r in range(row, row + CELLS_PER_REACH + 1):
+        # In its own row a cell meets itself and what is behind it; the others have met it already.
         columns = column if r == row else low, high
         count = add_runs(sources, r, columns, grid, runs, count)
+        # Runs of the block's own rows come first, so that one number parts them from those above.
         below = count if r < above else below
     return below, count
 
@@ -260,7 +265,9 @@ def _add_cell(
         count = copy_run(sources.records, runs, r, buffer, count)
     for k in range(3):
         for j in range(count):
+            # No more than the runs hold: memory is as long as the longest of all cells.
             felt[k, j] = 0.0
+    # In the buffer the cell's own particles are the first ones.
     for t in range(sources.first[cell + 1] - sources.first[cell]):
         _meet_the_rest(t, count, buffer, felt, given, pairs.shape)
     # Runs in the rows above the block go to memory of their own: another block owns those particles.
@@ -282,6 +289,7 @@ def _add_ghosts(
     if ghosts is not None and work is not None:
         buffer, given, runs = work
         count = gather(ghosts, cell - row * pairs.grid.columns, row, pairs.grid, runs, buffer)
+        # Away from the walls there is no ghost to feel.
         for t in range(sources.first[cell], sources.first[cell + 1] if count > 0 else 0):
             x, y, c2, s2 = sources.records[t]
             found = sum_over_sources((x, y, c2, s2), buffer, count, given, pairs.shape)
@@ -291,6 +299,7 @@ def _add_ghosts(
 
 @kernel
 def _ghost_work(ghosts: Sources | None, grid: CellGrid) -> tuple[Floats, Floats, Runs] | None:
+    # What is returned has the type of None then, so that the compiler leaves all of it out.
     if ghosts is None:
         return None
     return scratch(ghosts, grid)
@@ -324,12 +333,15 @@ def sum_rows(rows: tuple[int, int], sources: Sources, pairs: Pairs, own: Floats)
     grid, first, above = pairs.grid, sources.first, rows[1]
     own[first[rows[0] * grid.columns] : first[above * grid.columns]] = 0.0
     sums = _sums_above(above, sources, grid, own)
+    # Three rows: the cell's own, and two above it.
     runs = new_runs(CELLS_PER_REACH + 1)
+    # Loops go on to the end of a vector.
     most = _longest_buffer(rows, sources, grid) + DOUBLES
     work = np.zeros((RECORD, most)), np.zeros((3, most)), np.empty((3, most)), runs
     ghost_work = _ghost_work(pairs.ghosts, grid)
     for row in range(rows[0], rows[1]):
         for cell in range(row * grid.columns, (row + 1) * grid.columns):
+            # Empty cells have nobody who meets or feels.
             if first[cell] < first[cell + 1]:
                 _add_cell(cell, row, above, sources, pairs, work, sums)
                 _add_ghosts(pairs.ghosts, cell, row, sources, pairs, ghost_work, sums)
@@ -346,6 +358,7 @@ def add_above(sums: RowSums) -> None:
 
 @kernel
 def _add_torques(own: Floats, rank: Integers, weight: float | None, force: Floats) -> None:
+    # A function of its own: numba leaves out what stands behind `is not None` for arguments only.
     if weight is not None:
         for i in range(rank.size):
             force[2, i] -= weight * own[rank[i], 2]
@@ -355,18 +368,19 @@ def _add_torques(own: Floats, rank: Integers, weight: float | None, force: Float
 def add_sums(own: Floats, rank: Integers, pairs: Pairs, force: Floats) -> None:
     """Add -grad U and -dU/dtheta from the sorted sums (n, 4) to the drift (D, N) of the particles."""
     for i in range(rank.size):
+        # The force is minus the gradient; sums stand in the order of the cells.
         force[0, i] -= pairs.force_weight * own[rank[i], 0]
         force[1, i] -= pairs.force_weight * own[rank[i], 1]
     _add_torques(own, rank, pairs.torque_weight, force)
 
 
 @kernel
-def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) -> None:
+def add_pair_forces(position: Floats, axis: Floats, pairs: Pairs, force: Floats) -> None:
     """Add the sums over -grad U of `eq:micro` to the drift of all particles of one realisation.
 
     Parameters
     ----------
-    place : (D, N) float64
+    position : (D, N) float64
         x, y (and angle, not read here).
     axis : (2, N)
         cos and sin of 2 theta.
@@ -374,7 +388,7 @@ def add_pair_forces(place: Floats, axis: Floats, pairs: Pairs, force: Floats) ->
     force : (D, N)
         Per mass and per inertia; added to in place.
     """
-    sources, rank = sort_by_cell(place[0], place[1], axis[0], axis[1], pairs.grid)
+    sources, rank = sort_by_cell(position[0], position[1], axis[0], axis[1], pairs.grid)
     own = np.empty((rank.size, RECORD))
     # All pairs are met; above the last row there is something where y is periodic.
     add_above(sum_rows((0, pairs.grid.rows), sources, pairs, own))

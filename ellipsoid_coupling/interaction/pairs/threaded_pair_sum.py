@@ -56,30 +56,31 @@ class LargeCloud:
         self._sum = PairSum(drift.pairs, number) if drift.pairs is not None else None
 
     def set_forces(
-        self, t: float, place: Floats, force: Floats, frozen: Flags | None = None
+        self, t: float, position: Floats, force: Floats, frozen: Flags | None = None
     ) -> None:
-        """Overwrite the drift (1, D, N) at time t and `place`; see `particle_forces` for `frozen`."""
+        """Overwrite the drift (1, D, N) at time t and `position`; see `particle_forces` for `frozen`."""
 
         def own(part: int) -> None:
-            _part_forces(self._alone, t, place[0], self._axis, force[0], self._parts[part])
+            _part_forces(self._alone, t, position[0], self._axis, force[0], self._parts[part])
 
         for_each(len(self._parts), own)
         if self._sum is not None:
-            self._add_pairs(self._sum, place[0], force[0], frozen)
+            self._add_pairs(self._sum, position[0], force[0], frozen)
+        # Last, for fluid and potentials have pushed frozen ones as well.
         still_frozen(frozen, force[0])
 
     def _add_pairs(
-        self, pair_sum: PairSum, place: Floats, force: Floats, frozen: Flags | None
+        self, pair_sum: PairSum, position: Floats, force: Floats, frozen: Flags | None
     ) -> None:
         moving = None if frozen is None or not frozen.any() else np.flatnonzero(frozen == 0)
         if moving is None:
-            pair_sum.add(place, self._axis, force)
+            pair_sum.add(position, self._axis, force)
         elif moving.size:
             # Frozen particles neither act nor are acted on: the sum runs over a copy of the others.
             some = np.zeros((len(force), moving.size))
             axis = np.ascontiguousarray(self._axis[:, moving])
             fewer = PairSum(pair_sum.pairs, moving.size)
-            fewer.add(np.ascontiguousarray(place[:, moving]), axis, some)
+            fewer.add(np.ascontiguousarray(position[:, moving]), axis, some)
             force[:, moving] += some
 
 
@@ -94,10 +95,10 @@ class PairSum:
         self._own = np.empty((number, RECORD))
         self._parts = chunk_ranges(number, _tasks(number))
 
-    def add(self, place: Floats, axis: Floats, force: Floats) -> None:
-        """Add the sums at places (D, N) with axes (2, N) to the drift (D, N)."""
+    def add(self, position: Floats, axis: Floats, force: Floats) -> None:
+        """Add the sums at positions (D, N) with axes (2, N) to the drift (D, N)."""
         pairs, sources, own, rank = self.pairs, self._sources, self._own, self._rank
-        sort_into(place[0], place[1], axis[0], axis[1], pairs.grid, sources, rank)
+        sort_into(position[0], position[1], axis[0], axis[1], pairs.grid, sources, rank)
         blocks = list(pairwise(row_blocks(sources, pairs.grid)))
         above: list[RowSums | None] = [None] * len(blocks)
 
@@ -113,6 +114,7 @@ class PairSum:
 
 
 def _tasks(number: int) -> int:
+    # By the number of particles alone, and not of threads: the order of sums follows from it.
     return min(CLOUD_TASKS, max(number // PARTICLES_PER_TASK, 1))
 
 
@@ -122,7 +124,9 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
     A block has two rows at least, so that what it adds to the rows above it belongs to the next one. The
     last block may have one, unless rows above it are the first ones.
     """
+    # How many particles lie in the rows before each row.
     until = sources.first[:: grid.columns]
+    # With a last block of one row, the two rows above the block before it would be the last and the first.
     last = grid.rows - (2 if grid.period_y > 0.0 else 1)
     number = int(until[-1])
     # Row numbers at which the running count of particles passes even parts of all.
@@ -136,11 +140,11 @@ def row_blocks(sources: Sources, grid: CellGrid) -> list[int]:
 
 @kernel
 def _part_forces(
-    drift: Drift, t: float, place: Floats, axis: Floats, force: Floats, part: tuple[int, int]
+    drift: Drift, t: float, position: Floats, axis: Floats, force: Floats, part: tuple[int, int]
 ) -> None:
     """Axes and drift without pairs of the particles part[0] .. part[1] - 1."""
-    set_axes(place, axis, part)
-    own_forces(drift, t, place, axis, force, part)
+    set_axes(position, axis, part)
+    own_forces(drift, t, position, axis, force, part)
 
 
 @kernel

@@ -17,7 +17,6 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     C2,
     S2,
     CellGrid,
-    Interval,
     Sources,
     X,
     Y,
@@ -26,6 +25,7 @@ from ellipsoid_coupling.interaction.pairs.cells import (
     sort_by_cell,
 )
 from ellipsoid_coupling.interaction.pairs.pair_sum import scratch, sum_over_sources
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.physics.potential import PotentialShape
 
 
@@ -34,13 +34,11 @@ class SamplePairs:
 
     Parameters
     ----------
-    x_range, y_range : (low, high)
+    region : Region
         Where the cells of the neighbour search lie; samples beyond interact as well.
     shape : PotentialShape
     strength : float
         eps0.
-    periods : (bool, bool)
-        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -52,21 +50,15 @@ class SamplePairs:
     harmonics = 0
     nodes_per_width = 0.0
 
-    def __init__(
-        self,
-        x_range: Interval,
-        y_range: Interval,
-        shape: PotentialShape,
-        strength: float,
-        periods: tuple[bool, bool] = (False, False),
-    ) -> None:
-        self._grid = cell_grid(x_range, y_range, shape.reach, periods)
+    def __init__(self, region: Region, shape: PotentialShape, strength: float) -> None:
+        self._grid = cell_grid(region.x_range, region.y_range, shape.reach, region.periods)
         self._shape, self._strength = shape, strength
 
-    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+    def add_forces(self, position: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, as `SampleInteraction.add_forces`."""
-        blocks, degrees, size = place.shape
-        x, y, *angle = (np.ascontiguousarray(place[:, d]).ravel() for d in range(degrees))
+        blocks, degrees, size = position.shape
+        # All blocks are one cloud: samples of one density know no blocks.
+        x, y, *angle = (np.ascontiguousarray(position[:, d]).ravel() for d in range(degrees))
         double = 2.0 * angle[0] if angle else np.zeros_like(x)
         grid = self._grid
         own, rank = sort_by_cell(x, y, np.cos(double), np.sin(double), grid)
@@ -75,6 +67,7 @@ class SamplePairs:
         for_each(grid.rows, lambda row: _sum_row(row, own, grid, self._shape, sums))
         # Back from the order of the cells to that of the samples.
         sums = sums[:, rank]
+        # Each of S samples has the mass 1/S.
         scale = -self._strength / x.size
         for d in range(degrees):
             weight = scale * (weights[1] if d == 2 else weights[0])
@@ -100,6 +93,7 @@ def _sum_row(
         if own.first[cell] == own.first[cell + 1]:
             continue
         count = gather(own, column, row, grid, runs, buffer)
+        # Each pair is met from both sides: twice the work, and no sums of other rows to add up.
         for t in range(own.first[cell], own.first[cell + 1]):
             here = own.records[t]
             target = (here[X], here[Y], here[C2], here[S2])

@@ -37,6 +37,7 @@ def fitting_spacing(width: float, height: float, h: float, periods: Periods) -> 
     first, other = (width, height) if periods[1] else (height, width)
     count = _even_count(first / h)
     while count * h <= _MOST_OF_WANTED * first:
+        # Half of the nodes of the other period: whole where their number is even.
         half = 0.5 * count * other / first
         if not all(periods) or (round(half) > 0 and abs(half - round(half)) < _WHOLE * half):
             return first / count
@@ -95,6 +96,7 @@ class Folding:
 
     def unfold(self, potential: Real) -> None:
         """Overwrite the images in a potential (rows, columns, functions), those of columns first."""
+        # Then the images of rows get those of their columns as well.
         for axis in (1, 0):
             if self.periods[axis]:
                 lines, count = potential.swapaxes(0, axis), self.own[axis]
@@ -110,6 +112,7 @@ def _fold(sources: Array, axis: int, first: int, folded: Array) -> None:
     # At most once around, but for periods shorter than a spline.
     for begin in range(0, len(lines), count):
         some = lines[begin : begin + count]
+        # What goes beyond the period's end goes on at its beginning.
         start = (first + begin) % count
         inside = min(len(some), count - start)
         out[start : start + inside] += some[:inside]

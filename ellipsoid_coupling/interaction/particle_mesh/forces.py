@@ -53,12 +53,7 @@ from ellipsoid_coupling.interaction.convolution.fft_lengths import FittedSpectra
 from ellipsoid_coupling.interaction.convolution.kernel_spectra import POTENTIAL, AngularKernel
 from ellipsoid_coupling.interaction.convolution.spectra import Real, precision_for
 from ellipsoid_coupling.interaction.grid_forces import Array
-from ellipsoid_coupling.interaction.pairs.cells import Interval
-from ellipsoid_coupling.interaction.particle_mesh.folding import (
-    Folding,
-    Periods,
-    fitting_spacing,
-)
+from ellipsoid_coupling.interaction.particle_mesh.folding import Folding, fitting_spacing
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     MOST_ENTRIES,
     MOST_HARMONICS,
@@ -66,6 +61,7 @@ from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     most_harmonics,
     nodes_per_width,
 )
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.particle_mesh.splines import (
     STENCIL,
     Nodes,
@@ -84,12 +80,12 @@ _TAIL = 12
 class SampleInteraction:
     """Forces among the samples of a density.
 
-    Samples outside `x_range` x `y_range` neither act nor feel anything. The same bits come out for
-    any number of threads.
+    Samples outside the region neither act nor feel anything. The same bits come out for any number of
+    threads.
 
     Parameters
     ----------
-    x_range, y_range : (low, high)
+    region : Region
     shape : PotentialShape
     width : float
         The particles' width D, which the potential's steepness goes with.
@@ -99,8 +95,6 @@ class SampleInteraction:
         Of force and torque, see above.
     most : int
         So many harmonics may be taken.
-    periods : (bool, bool)
-        Whether y and x are periodic, with periods of at least twice the potential's reach.
 
     Attributes
     ----------
@@ -122,51 +116,50 @@ class SampleInteraction:
 
     def __init__(
         self,
-        x_range: Interval,
-        y_range: Interval,
+        region: Region,
         shape: PotentialShape,
         width: float,
         strength: float,
         tolerance: float,
         most: int = MOST_HARMONICS,
-        periods: Periods = (False, False),
     ) -> None:
-        h = _spacing(x_range, y_range, width / nodes_per_width(shape, width, tolerance), periods)
+        h = _spacing(region, width / nodes_per_width(shape, width, tolerance))
         self.nodes_per_width = width / h
-        area = (x_range[1] - x_range[0]) * (y_range[1] - y_range[0])
+        area = region.width * region.height
         # Bounded before the series is searched: a long search takes minutes.
         most = min(most, most_harmonics(area / h**2, shape.reach / h))
         _require(most >= 0, shape, tolerance)
-        self.nodes = _cover(x_range, y_range, h)
+        self.nodes = _cover(region, h)
         series = angular_series(shape, h, (1.0 - SPLINE_PART) * tolerance, most)
         _require(series is not None, shape, tolerance)
+        # `_require` has raised, which a type checker does not see.
         assert series is not None
         self.harmonics = series.harmonics
         self.precision = precision_for(tolerance, h * h, shape.size, strength)
         # Cells' spectra have h^2 in them; a sample has its whole mass.
         kernel = AngularKernel(series, strength / h**2, self.precision, POTENTIAL, _undo_splines)
-        self._folding = Folding((self.nodes.rows, self.nodes.columns), periods)
-        spectra = FittedSpectra(self._folding.own, kernel.cells + _TAIL, kernel, periods)
+        self._folding = Folding((self.nodes.rows, self.nodes.columns), region.periods)
+        spectra = FittedSpectra(self._folding.own, kernel.cells + _TAIL, kernel, region.periods)
         rows, columns = spectra.longest
         bytes_each = np.dtype(self.precision).itemsize
         self.spectra_bytes = (2.0 * series.harmonics + 1.0) ** 2 * rows * columns / 4 * bytes_each
         self._convolve = Convolution(spectra, self.precision, POTENTIAL)
         self._pool = BufferPool()
 
-    def add_forces(self, place: Array, weights: tuple[float, float], force: Array) -> None:
+    def add_forces(self, position: Array, weights: tuple[float, float], force: Array) -> None:
         """Add the interaction to the drift of all samples, in place.
 
         Parameters
         ----------
-        place : (K, D, B) float64
+        position : (K, D, B) float64
             x, y and, with D = 3, the angle of K blocks of B samples.
         weights : (1/m, 1/I_c)
         force : (K, D, B)
             Per mass and per inertia.
         """
         pool, nodes = self._pool, self.nodes
-        slots = pool.array("slots", (place.shape[0] * place.shape[2],), np.int64)
-        here = sort_by_row(place, nodes, slots, pool)
+        slots = pool.array("slots", (position.shape[0] * position.shape[2],), np.int64)
+        here = sort_by_row(position, nodes, slots, pool)
         if len(here.samples) == 0:
             return
         functions = 2 * self.harmonics + 1
@@ -185,6 +178,7 @@ class SampleInteraction:
 
         self._convolve(sources.shape, lambda part: sources[:, part].astype(self.precision), take)
         folding.unfold(potential)
+        # Along a periodic axis all of the period has been unfolded, from its first node on.
         corner = folding.corner(here.corner)
         found = interpolate(here.samples, nodes, corner, potential, functions, pool)
         add_to(force, found, weights, slots)
@@ -200,7 +194,7 @@ def _require(holds: bool, shape: PotentialShape, tolerance: float) -> None:
         )
 
 
-def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -> float:
+def _spacing(region: Region, h: float) -> float:
     """The nodes' spacing, up to `h`.
 
     Raises
@@ -208,8 +202,8 @@ def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -
     InputError
         If none divides both periods.
     """
-    width, height = x_range[1] - x_range[0], y_range[1] - y_range[0]
-    found = fitting_spacing(width, height, h, periods)
+    width, height = region.width, region.height
+    found = fitting_spacing(width, height, h, region.periods)
     if found is None:
         raise InputError(
             "interaction of samples by harmonics",
@@ -220,15 +214,15 @@ def _spacing(x_range: Interval, y_range: Interval, h: float, periods: Periods) -
     return found
 
 
-def _cover(x_range: Interval, y_range: Interval, h: float) -> Nodes:
+def _cover(region: Region, h: float) -> Nodes:
     """Nodes such that every point of the rectangle lies between the inner two of four."""
-    columns, rows = (
-        math.ceil((high - low) / h - 1e-9) + STENCIL for low, high in (x_range, y_range)
-    )
-    return Nodes(x_range[0] - h, y_range[0] - h, 1.0 / h, rows, columns)
+    # A side of a whole number of spacings gets none more for a rounding.
+    columns, rows = (math.ceil(size / h - 1e-9) + STENCIL for size in (region.width, region.height))
+    return Nodes(region.x_range[0] - h, region.y_range[0] - h, 1.0 / h, rows, columns)
 
 
 def _undo_splines(length: int) -> Array:
     """1/b^2 at the frequencies of a transform, (length//2 + 1,)."""
     waves = 2.0 * np.pi * np.arange(length // 2 + 1) / length
+    # b = (2 + cos)/3, undone once for the deposit and once for the interpolation.
     return np.asarray((3.0 / (2.0 + np.cos(waves))) ** 2)

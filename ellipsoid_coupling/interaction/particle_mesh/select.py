@@ -8,7 +8,6 @@ from typing import NamedTuple
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.limits import in_words, memory_limit
 from ellipsoid_coupling.geometry.boundaries import periodic_axes
-from ellipsoid_coupling.interaction.pairs.cells import Interval
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.nodes import (
@@ -16,6 +15,7 @@ from ellipsoid_coupling.interaction.particle_mesh.nodes import (
     nodes_per_width,
     slenderness,
 )
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.select import ENTRY_COST, POINT_COST, Method
 from ellipsoid_coupling.physics.potential import PotentialShape, potential_shape
 from ellipsoid_coupling.scenes import Scene
@@ -32,7 +32,7 @@ class Samples(NamedTuple):
 
     Attributes
     ----------
-    x_range, y_range : (low, high)
+    region : Region
         Where samples interact.
     start : (width, height)
         Of the box that they start in.
@@ -46,12 +46,9 @@ class Samples(NamedTuple):
     tolerance : float
         `numerics.harmonics_tolerance`; see `forces` for the bounds that hold.
     method : "auto", "direct" or "harmonics"
-    periods : (bool, bool)
-        Whether y and x are periodic.
     """
 
-    x_range: Interval
-    y_range: Interval
+    region: Region
     start: tuple[float, float]
     shape: PotentialShape
     width: float
@@ -59,7 +56,6 @@ class Samples(NamedTuple):
     number: int
     tolerance: float
     method: Method = "auto"
-    periods: tuple[bool, bool] = (False, False)
 
 
 def scene_samples(scene: Scene, number: int) -> Samples | None:
@@ -72,9 +68,13 @@ def scene_samples(scene: Scene, number: int) -> Samples | None:
     left, right, bottom, top = (
         beyond if side.particles == "leave" else 0.0 for side in scene.sides.values()
     )
-    return Samples(
+    region = Region(
         (domain.x[0] - left, domain.x[1] + right),
         (domain.y[0] - bottom, domain.y[1] + top),
+        periodic_axes(scene),
+    )
+    return Samples(
+        region,
         (start.x[1] - start.x[0], start.y[1] - start.y[0]),
         shape,
         particles.width,
@@ -82,7 +82,6 @@ def scene_samples(scene: Scene, number: int) -> Samples | None:
         number,
         scene.numerics.harmonics_tolerance,
         scene.numerics.interaction,
-        periodic_axes(scene),
     )
 
 
@@ -97,15 +96,17 @@ def affordable_harmonics(samples: Samples) -> int:
         return -1
     reach = samples.shape.reach
     h = samples.width / nodes_per_width(samples.shape, samples.width, samples.tolerance)
-    sizes = [high - low for low, high in (samples.x_range, samples.y_range)]
+    sizes = samples.region.width, samples.region.height
     most = most_harmonics(sizes[0] * sizes[1] / h**2, reach / h)
     if samples.method == "harmonics":
         return most
     grown = [math.sqrt(start * size) for start, size in zip(samples.start, sizes, strict=True)]
     disc = math.pi * reach**2
+    # In a cloud smaller than the disc all are within reach of each other.
     pairs = samples.number**2 * disc / max(grown[0] * grown[1], disc)
     if pairs <= _FEW_PAIRS:
         return -1
+    # Transforms are padded by the reach, so that no image is felt.
     points = math.prod((size + reach) / h for size in grown)
     while most >= 0 and _work(2 * most + 1, points) > pairs:
         most -= 1
@@ -115,6 +116,7 @@ def affordable_harmonics(samples: Samples) -> int:
 
 def _work(functions: int, points: float) -> float:
     """Of one evaluation, in pairs: transforms there and back, and a block a frequency."""
+    # A quarter of the frequencies: fields are real, and ky >= 0 tells the others.
     return POINT_COST * 2 * functions * points + ENTRY_COST * functions**2 * points / 4
 
 
@@ -130,15 +132,13 @@ def choose_samples(samples: Samples) -> SampleInteraction | SamplePairs:
         For "harmonics" where they cannot reach the tolerance; where their spectra, of a cloud all
         over the rectangle, would not fit into the machine.
     """
-    x_range, y_range, _, shape, width, strength, _, tolerance, method, periods = samples
-    pairs = SamplePairs(x_range, y_range, shape, strength, periods)
+    region, _, shape, width, strength, _, tolerance, method = samples
+    pairs = SamplePairs(region, shape, strength)
     most = affordable_harmonics(samples)
     if most < 0 and method != "harmonics":
         return pairs
     try:
-        found = SampleInteraction(
-            x_range, y_range, shape, width, strength, tolerance, most, periods
-        )
+        found = SampleInteraction(region, shape, width, strength, tolerance, most)
     except InputError:
         if method == "harmonics":
             raise

@@ -47,6 +47,7 @@ class Nodes(NamedTuple):
 def _first_node(coordinate: float, low: float, inverse_h: float, count: int) -> int:
     """The first of the four nodes about a coordinate; -1 if they are not all there."""
     node = math.floor((coordinate - low) * inverse_h) - 1.0
+    # Compared before it becomes an integer: NaN, and what no integer holds, lie nowhere.
     if not 0.0 <= node <= count - STENCIL:
         return -1
     return int(node)
@@ -54,7 +55,7 @@ def _first_node(coordinate: float, low: float, inverse_h: float, count: int) -> 
 
 @kernel
 def _count_rows(
-    place: Array,
+    position: Array,
     blocks: tuple[int, int],
     nodes: Nodes,
     slots: Indices,
@@ -65,12 +66,12 @@ def _count_rows(
 
     columns : (2,), overwritten by the least and the largest first column.
     """
-    size = place.shape[2]
+    size = position.shape[2]
     least, largest = nodes.columns, -1
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
-            row = _first_node(place[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
-            column = _first_node(place[k, 0, j], nodes.x_low, nodes.inverse_h, nodes.columns)
+            row = _first_node(position[k, 1, j], nodes.y_low, nodes.inverse_h, nodes.rows)
+            column = _first_node(position[k, 0, j], nodes.x_low, nodes.inverse_h, nodes.columns)
             row = row if column >= 0 else -1
             slots[k * size + j] = row
             if row >= 0:
@@ -81,19 +82,20 @@ def _count_rows(
 
 @kernel
 def _fill_slots(
-    place: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
+    position: Array, blocks: tuple[int, int], slots: Indices, counts: Indices, samples: Array
 ) -> None:
     """Copy each sample to the next free place of its row, which is also written to `slots`."""
-    size = place.shape[2]
+    size = position.shape[2]
     for k in range(blocks[0], blocks[1]):
         for j in range(size):
             row = slots[k * size + j]
             if row >= 0:
+                # Here `counts` holds where the part's share of each row begins, see `_set_starts`.
                 slot = counts[row]
                 counts[row] += 1
                 slots[k * size + j] = slot
-                for d in range(place.shape[1]):
-                    samples[slot, d] = place[k, d, j]
+                for d in range(position.shape[1]):
+                    samples[slot, d] = position[k, d, j]
 
 
 @kernel
@@ -104,6 +106,7 @@ def _set_starts(counts: Indices) -> Indices:
     for row in range(rows):
         begin[row + 1] = begin[row]
         for part in range(parts):
+            # The parts in their order within each row: where a sample goes does not depend on threads.
             count = counts[part, row]
             counts[part, row] = begin[row + 1]
             begin[row + 1] += count
@@ -125,28 +128,28 @@ class Sorted(NamedTuple):
     extent: tuple[int, int]
 
 
-def sort_by_row(place: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
+def sort_by_row(position: Array, nodes: Nodes, slots: Indices, pool: BufferPool) -> Sorted:
     """Sort the samples by row, without those beyond the nodes.
 
     A stable counting sort: work in either order goes through memory row by row.
 
     Parameters
     ----------
-    place : (K, D, B) float64
+    position : (K, D, B) float64
     slots : (K B,) int64
         Overwritten: where sample j of block k, number k B + j, stands; -1 beyond the nodes.
     pool : holds the sorted samples until the next call
     """
-    blocks = chunk_ranges(len(place), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
+    blocks = chunk_ranges(len(position), min(SAMPLE_PARTS, slots.size // LEAST_SORTED))
     # Each part counts and then fills for itself: no two threads write to one place.
     counts = np.zeros((len(blocks), nodes.rows), np.int64)
     columns = np.empty((len(blocks), 2), np.int64)
     for_each(
-        len(blocks), lambda k: _count_rows(place, blocks[k], nodes, slots, counts[k], columns[k])
+        len(blocks), lambda k: _count_rows(position, blocks[k], nodes, slots, counts[k], columns[k])
     )
     begin: Indices = _set_starts(counts)
-    samples = pool.array("samples", (begin[-1], place.shape[1]), np.float64)
-    for_each(len(blocks), lambda k: _fill_slots(place, blocks[k], slots, counts[k], samples))
+    samples = pool.array("samples", (begin[-1], position.shape[1]), np.float64)
+    for_each(len(blocks), lambda k: _fill_slots(position, blocks[k], slots, counts[k], samples))
     rows = np.flatnonzero(np.diff(begin))
     if rows.size == 0:
         return Sorted(samples, begin, (0, 0), (0, 0))
@@ -174,6 +177,7 @@ def _add_some(
     size = force.shape[2]
     for k in range(blocks[0], blocks[1]):
         for c in range(min(found.shape[1], force.shape[1])):
+            # 1/I_c for the torque, 1/m for both forces.
             weight = weights[1] if c == 2 else weights[0]
             for j in range(size):
                 slot = slots[k * size + j]
@@ -190,6 +194,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
     waves : (2, n or more), scratch
     bases : (n or more, 1 or 2, 2M + 1 or more)
     """
+    # Its slope is 0, which the second row holds from the beginning.
     bases[: samples.shape[0], 0, 0] = 1.0
     if functions == 1:
         return
@@ -204,6 +209,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
         # before it.
         c4, s4 = c2 * c2 - s2 * s2, 2.0 * s2 * c2
         cosine, sine, even_cosine, even_sine = c2, s2, c4, s4
+        # Of a single row `slopes` is the basis itself, and is not written.
         basis, slopes = bases[i, 0], bases[i, bases.shape[1] - 1]
         for m in range(1, last, 2):
             basis[2 * m - 1], basis[2 * m] = cosine, sine
@@ -217,6 +223,7 @@ def _set_bases(samples: Array, functions: int, waves: Array, bases: Array) -> No
                 even_cosine * c4 - even_sine * s4,
                 even_sine * c4 + even_cosine * s4,
             )
+        # The loop takes harmonics by twos.
         if last % 2 == 1:
             basis[2 * last - 1], basis[2 * last] = cosine, sine
             if bases.shape[1] == 2:
@@ -250,9 +257,11 @@ def windows_of(begin: Indices) -> Windows:
     # Equal numbers of samples, not of rows: clouds are denser in the middle.
     count = max(1, min(DEPOSIT_WINDOWS, int(begin[-1]) // LEAST_DEPOSITED))
     parts = np.linspace(0, begin[-1], count + 1).astype(np.int64)
+    # Of rows that begin at one sample only the last one holds it: the others are empty.
     first, last = (
         np.searchsorted(begin, ends, "right") - 1 for ends in (parts[:-1], parts[1:] - 1)
     )
+    # A window has the rows that its samples' stencils reach.
     used = np.where(parts[1:] > parts[:-1], last - first + STENCIL, 0)
     return Windows(parts, first, np.concatenate([[0], np.cumsum(used)]))
 
@@ -270,7 +279,9 @@ def deposit(here: Sorted, nodes: Nodes, functions: int, mass: float, pool: Buffe
 
     def put(k: int) -> None:
         window = partial[offsets[k] : offsets[k + 1]]
+        # Rows count from the window's first, columns from the first of all stencils.
         some, at = samples[parts[k] : parts[k + 1]], (int(first[k]), corner[1])
+        # Zeros, and they stay: functions that only fill the last vector.
         work = np.empty((2, SAMPLES_AT_ONCE)), np.zeros((SAMPLES_AT_ONCE, 1, window.shape[2]))
         _deposit(some, at, nodes, functions, work, window)
 
@@ -318,8 +329,10 @@ def _add_windows(
     for row in range(rows[0], rows[1]):
         total[:] = 0.0
         for part in range(first.size):
+            # Sums count from the first of all stencils, a window from its own first row.
             at = first_row + row - first[part]
             if 0 <= at < offsets[part + 1] - offsets[part]:
+                # In the order of the parts, whichever was there first.
                 total += partial[offsets[part] + at]
         for p in range(sources.shape[0]):
             for column in range(sources.shape[2]):
@@ -345,6 +358,7 @@ def interpolate(
 
     def read(k: int) -> None:
         some = slice(*parts[k])
+        # As in `deposit`; the second row is for the slopes in the angle.
         bases = np.zeros((SAMPLES_AT_ONCE, 2, potential.shape[2]))
         work = np.empty((2, SAMPLES_AT_ONCE)), bases
         _interpolate_some(samples[some], nodes, corner, potential, functions, work, found[some])
@@ -377,6 +391,7 @@ def _interpolate_some(
             # Whole numbers are counted from the corner: rounding in x and y could lead beyond it.
             at = row - corner[0], column - corner[1]
             x, y, turn = sum_stencil(potential, at, along_y, along_x, bases[i])
+            # The spline's slopes are per node.
             slopes[i, 0], slopes[i, 1] = -nodes.inverse_h * x, -nodes.inverse_h * y
             if slopes.shape[1] == 3:
                 slopes[i, 2] = -turn

@@ -11,7 +11,6 @@ import pytest
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import Wanted, wanted_path
-from ellipsoid_coupling.flow.openfoam import programs
 from ellipsoid_coupling.flow.openfoam.applications import APPLICATIONS
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
@@ -19,10 +18,8 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
 from ellipsoid_coupling.flow.openfoam.times import solved_times
 from ellipsoid_coupling.flow.openfoam.trust import plain_case
 from tests.flow.known import points
+from tests.flow.openfoam.installed import needs_openfoam
 
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 HEAD = "FoamFile {{ version 2.0; format ascii; class dictionary; object {0}; }}\n"
 CONTROL = """application {name}; startFrom startTime; startTime 0; stopAt endTime;
 endTime {end}; deltaT {step}; writeControl timeStep; writeInterval {every}; writePrecision 12;

@@ -10,17 +10,14 @@ import pytest
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.cases import BUILT_IN
-from ellipsoid_coupling.flow.openfoam import programs, solve
+from ellipsoid_coupling.flow.openfoam import solve
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, inputs_hash
 from ellipsoid_coupling.flow.openfoam.trust import plain_case
 from tests.flow.known import points
+from tests.flow.openfoam.installed import needs_openfoam
 from tests.flow.openfoam.strangers import edit, refused, stranger
-
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 
 
 @pytest.fixture

@@ -18,10 +18,8 @@ from ellipsoid_coupling.flow.openfoam import confine, programs
 from ellipsoid_coupling.flow.openfoam.programs import LAST_LINES, run_program, says, why_open
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
+from tests.flow.openfoam.installed import needs_openfoam
 
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 # A test that waits for another process gives up after so long; it takes tenths of a second.
 PATIENCE = 120.0
 

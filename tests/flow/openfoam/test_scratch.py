@@ -13,14 +13,12 @@ from pathlib import Path
 import pytest
 
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.openfoam import programs, scratch, solve, solved_cases
+from ellipsoid_coupling.flow.openfoam import scratch, solve, solved_cases
 from ellipsoid_coupling.flow.openfoam.scratch import cleaned_up, move_to, scratch_folder
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, is_solved, solved_folder
+from tests.flow.openfoam.installed import needs_openfoam
 
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 OWNER = """
 import pathlib, sys, time
 from ellipsoid_coupling.flow.openfoam.scratch import scratch_folder

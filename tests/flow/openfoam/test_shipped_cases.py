@@ -11,16 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow.cases import BUILT_IN
-from ellipsoid_coupling.flow.openfoam import programs
 from ellipsoid_coupling.flow.openfoam.case import Mesh, read_cells, read_solution
 from ellipsoid_coupling.flow.openfoam.times import choose_time, solved_times
 from ellipsoid_coupling.flow.openfoam.viscosity import read_viscosity
 from ellipsoid_coupling.scenes import builtin_scenes, load_scene
+from tests.flow.openfoam.installed import needs_openfoam
 
 DATA = Path(__file__).parents[2] / "data"
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 Floats = NDArray[np.float64]
 SMALL = {
     "channel": "channel_8", "step": "step_6", "cylinder": "cylinder_8", "ring": "ring_8",

@@ -14,17 +14,14 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField, WallVelocity, analytic_flow
-from ellipsoid_coupling.flow.openfoam import programs, solve
+from ellipsoid_coupling.flow.openfoam import solve
 from ellipsoid_coupling.flow.openfoam.dictionary import Column, parse
 from ellipsoid_coupling.flow.openfoam.reader import read_case
 from ellipsoid_coupling.flow.openfoam.scanner import Source
 from ellipsoid_coupling.flow.openfoam.solve import parameter, solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder, content_hash, inputs_hash
 from tests.flow.known import mismatch, points
-
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
+from tests.flow.openfoam.installed import needs_openfoam
 
 
 def _copy(tmp_path: Path, file: str = "", old: str = "", new: str = "") -> Path:

@@ -14,16 +14,13 @@ from hypothesis import strategies as st
 
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow.openfoam import programs, solve, trust
+from ellipsoid_coupling.flow.openfoam import solve, trust
 from ellipsoid_coupling.flow.openfoam.solve import solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import case_folder
 from ellipsoid_coupling.flow.openfoam.trust import PlainCase, plain_case
 from tests.flow.openfoam.strangers import edit, refused, stranger
 from tests.flow.openfoam.ways_in import CODE, HEADERS
 
-needs_openfoam = pytest.mark.skipif(
-    not programs.openfoam_available(), reason="OpenFOAM is not installed"
-)
 FILES = (
     "0.orig/U", "0.orig/p", "constant/transportProperties", "system/blockMeshDict",
     "system/controlDict", "system/decomposeParDict", "system/fvSchemes", "system/fvSolution",

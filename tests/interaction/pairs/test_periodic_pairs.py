@@ -12,6 +12,7 @@ from ellipsoid_coupling.interaction.pairs.ghost_forces import add_ghost_forces
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.pairs.threaded_pair_sum import PairSum, row_blocks
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ def test_every_pair_of_nearest_images_is_found_once(
     force, own = np.zeros_like(place), np.zeros((1, *place.shape))
     add_pair_forces(place, axis, pairs_of(shape, periods), force)
     np.testing.assert_allclose(force, expected, rtol=0.0, atol=atol)
-    samples = SamplePairs(X, Y, shape, 60.0, periods)
+    samples = SamplePairs(Region(X, Y, periods), shape, 60.0)
     samples.add_forces(place[None], (0.2, 30.0), own)
     np.testing.assert_allclose(own[0], expected, rtol=0.0, atol=atol)
 

@@ -11,6 +11,7 @@ from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
 from ellipsoid_coupling.interaction.particle_mesh import select
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.interaction.particle_mesh.select import (
     Samples,
     affordable_harmonics,
@@ -20,6 +21,7 @@ from ellipsoid_coupling.interaction.select import Method
 from ellipsoid_coupling.physics.potential import potential_shape
 
 UNIT = (0.0, 1.0)
+SQUARE = Region(UNIT, UNIT)
 SHAPE = potential_shape(0.1, 0.05)
 
 
@@ -30,7 +32,7 @@ def test_blocks_of_samples_are_one_cloud(degrees: int) -> None:
     place = rng.random((3, degrees, 40))
     force = np.zeros_like(place)
     shape = SHAPE if degrees == 3 else potential_shape(0.1, 0.1)
-    SamplePairs(UNIT, UNIT, shape, 2.0).add_forces(place, (0.5, 4.0), force)
+    SamplePairs(SQUARE, shape, 2.0).add_forces(place, (0.5, 4.0), force)
     flat = np.ascontiguousarray(place.transpose(1, 0, 2).reshape(degrees, -1))
     double = 2.0 * flat[2] if degrees == 3 else np.zeros(flat.shape[1])
     axis = np.array([np.cos(double), np.sin(double)])
@@ -45,7 +47,7 @@ def test_blocks_of_samples_are_one_cloud(degrees: int) -> None:
 def cloud(samples: int, width: float, method: Method = "auto", tolerance: float = 0.2) -> Samples:
     """So many particles of length 0.1 all over the unit square."""
     shape = potential_shape(0.1, width)
-    return Samples(UNIT, UNIT, (1.0, 1.0), shape, width, 1.0, samples, tolerance, method)
+    return Samples(SQUARE, (1.0, 1.0), shape, width, 1.0, samples, tolerance, method)
 
 
 def test_few_and_slender_samples_interact_pair_by_pair() -> None:
@@ -76,7 +78,7 @@ def test_a_finer_tolerance_takes_pairs_where_its_nodes_are_more_work() -> None:
 def test_the_start_box_decides_as_well() -> None:
     """A small cloud has more pairs within reach, and needs shorter transforms."""
     shape = potential_shape(0.02, 0.01)
-    wide = Samples(UNIT, UNIT, (1.0, 1.0), shape, 0.01, 1.0, 4000, 2e-2)
+    wide = Samples(SQUARE, (1.0, 1.0), shape, 0.01, 1.0, 4000, 2e-2)
     assert affordable_harmonics(wide) == -1
     assert affordable_harmonics(wide._replace(start=(0.05, 0.05))) > 10
 

@@ -11,6 +11,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.folding import Folding, fitting_spacing
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.physics.potential import potential_shape
 
 Floats = NDArray[np.float64]
@@ -38,8 +39,8 @@ def cloud(number: int) -> Floats:
 def test_forces_are_those_of_nearest_images(periods: tuple[bool, bool], tolerance: float) -> None:
     """The largest error of all samples as a part of the largest force, within the tolerance."""
     place = cloud(400)
-    exact = forces_of(SamplePairs(X, Y, SHAPE, 1.0, periods), place)
-    mesh = SampleInteraction(X, Y, SHAPE, WIDTH, 1.0, tolerance, periods=periods)
+    exact = forces_of(SamplePairs(Region(X, Y, periods), SHAPE, 1.0), place)
+    mesh = SampleInteraction(Region(X, Y, periods), SHAPE, WIDTH, 1.0, tolerance)
     miss = forces_of(mesh, place) - exact
     for part in (slice(0, 2), slice(2, 3)):
         errors, sizes = (np.linalg.norm(a[:, part], axis=1).max() for a in (miss, exact))
@@ -48,7 +49,7 @@ def test_forces_are_those_of_nearest_images(periods: tuple[bool, bool], toleranc
 
 def test_a_cloud_at_the_seam_is_one_elsewhere() -> None:
     """Shifted by whole nodes: the same, to the rounding of single precision."""
-    interaction = SampleInteraction(X, Y, SHAPE, WIDTH, 1.0, 2e-2, periods=(True, True))
+    interaction = SampleInteraction(Region(X, Y, (True, True)), SHAPE, WIDTH, 1.0, 2e-2)
     h = WIDTH / interaction.nodes_per_width
     place = cloud(400)
     place[:, 0] = 0.2 * place[:, 0]
@@ -94,5 +95,6 @@ def test_one_spacing_divides_both_periods() -> None:
 
 
 def test_periods_without_a_common_divisor_are_refused() -> None:
+    region = Region(X, (0.0, np.pi), (True, True))
     with pytest.raises(InputError, match="periods with a common divisor"):
-        SampleInteraction(X, (0.0, np.pi), SHAPE, WIDTH, 1.0, 2e-2, periods=(True, True))
+        SampleInteraction(region, SHAPE, WIDTH, 1.0, 2e-2)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.interaction.particle_mesh.direct_pairs import SamplePairs
 from ellipsoid_coupling.interaction.particle_mesh.forces import SampleInteraction
 from ellipsoid_coupling.interaction.particle_mesh.nodes import most_harmonics, nodes_per_width
+from ellipsoid_coupling.interaction.particle_mesh.region import Region
 from ellipsoid_coupling.physics.potential import PotentialShape, pair_potential, potential_shape
 
 Floats = NDArray[np.float64]
@@ -88,7 +89,7 @@ def test_force_and_torque_are_within_the_tolerance(aspect: float, tolerance: flo
     """
     shape = potential_shape(aspect * WIDTH, WIDTH)
     around = (-1.2 * shape.reach, 1.2 * shape.reach)
-    interaction = SampleInteraction(around, around, shape, WIDTH, 1.0, tolerance)
+    interaction = SampleInteraction(Region(around, around), shape, WIDTH, 1.0, tolerance)
     errors, norms = errors_and_norms(interaction, shape, 4)
     assert np.all(errors <= tolerance * norms)
     assert np.all(errors >= 0.1 * tolerance * norms)
@@ -100,13 +101,13 @@ def test_largest_error_among_few_samples_is_within_the_tolerance() -> None:
     Few scattered samples have no density, so that this is measured and not promised.
     """
     rng, shape = np.random.default_rng(3), potential_shape(0.1, WIDTH)
-    unit = (0.0, 1.0)
+    unit = Region((0.0, 1.0), (0.0, 1.0))
     place = np.array([*rng.uniform(0.1, 0.9, (2, 60)), rng.uniform(0.0, 7.0, 60)])[None]
     exact = np.zeros_like(place)
-    SamplePairs(unit, unit, shape, 1.0).add_forces(place, (1.0, 1.0), exact)
+    SamplePairs(unit, shape, 1.0).add_forces(place, (1.0, 1.0), exact)
     for tolerance in (2e-2, 2e-3):
         found = np.zeros_like(place)
-        interaction = SampleInteraction(unit, unit, shape, WIDTH, 1.0, tolerance)
+        interaction = SampleInteraction(unit, shape, WIDTH, 1.0, tolerance)
         interaction.add_forces(place, (1.0, 1.0), found)
         miss = found - exact
         sizes = [[np.hypot(a[0, 0], a[0, 1]).max(), np.abs(a[0, 2]).max()] for a in (miss, exact)]

@@ -11,6 +11,8 @@ Heun's step (order 2). Psi at the corners tells what flows through faces, so an 
     cut      a cell is what the walls leave of it; small ones by state redistribution (M. Berger and
              A. Giuliani, J. Comput. Phys. 428, 2021)
 
+In the latter two, slopes beside walls are those of planes fitted to the cells around (order 2).
+
 L1 distances are parts of the mass (2 is no overlap): cell by cell, its share of cells nearer to a wall than
 two cells, and of masses in 20 x 20 bins, as everywhere in the package. `largest` is that of a cell, as a
 part of the largest exact density. The table goes to standard output, in Markdown, with --out to a CSV file.

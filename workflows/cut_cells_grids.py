@@ -22,11 +22,9 @@ class Cells(NamedTuple):
     width : h.  area : of the fluid's part, 0 where there is none.  centre : (2, ny, nx) of that part.
     through : what flows through the faces across x, (ny, nx + 1), and across y, (ny + 1, nx).
     faces : the middles of their open parts, (2, ny, nx + 1) and (2, ny + 1, nx).
-    middle : (2, ny, nx), of the whole cell.
     """
 
     width: float
-    middle: Floats
     area: Floats
     centre: Floats
     through: tuple[Floats, Floats]
@@ -61,7 +59,7 @@ def stairs_grid(flow: Flow, number: int) -> Cells:
     psi = np.where(at_stairs, flow.wall_psi(corners), flow.psi(corners))
     across = np.array([[[0.0]], [[0.5 * width]]])
     faces = corners[:, :-1] + across, corners[:, :, :-1] + across[::-1]
-    return Cells(width, middle, np.where(fluid, width**2, 0.0), middle, _through(psi, fluid), faces)
+    return Cells(width, np.where(fluid, width**2, 0.0), middle, _through(psi, fluid), faces)
 
 
 class _Edges(NamedTuple):
@@ -120,11 +118,11 @@ def cut_grid(flow: Flow, number: int) -> Cells:
     centre = np.where(fluid, origin + moment / np.where(fluid, area, 1.0), middle)
     psi = np.where(flow.level(corners) > 0.0, flow.psi(corners), flow.wall_psi(corners))
     faces = 0.5 * (along_y.first + along_y.last), 0.5 * (along_x.first + along_x.last)
-    return Cells(width, middle, area, centre, _through(psi, fluid), faces)
+    return Cells(width, area, centre, _through(psi, fluid), faces)
 
 
 def areas_grid(flow: Flow, number: int) -> Cells:
-    """Stairs whose cells have the fluid's own area, and that of solid cells beside them.
+    """Stairs whose cells have the area of the fluid in them and in solid cells beside them.
 
     A solid cell gives the fluid in it to that neighbour which has most; what has none is left out.
     """

@@ -16,8 +16,8 @@ Indices = NDArray[np.int64]
 CFL = 0.5
 # Of a whole cell's area: what is smaller is joined with another cell.
 _SMALL = 0.4
-# Of a cell's width: so far from the middle of the whole cell the fluid's is another one.
-_MOVED = 1e-6
+# Of a whole cell's area: so much more or less is another one.
+_ROUNDING = 1e-9
 _BESIDE = [(0, -1), (0, 1), (-1, 0), (1, 0)]
 _AROUND = [*_BESIDE, (-1, -1), (-1, 1), (1, -1), (1, 1)]
 
@@ -127,9 +127,10 @@ class Transport:
         self._cells, self._order, self._carried = cells, order, carried
         self._allowed = smooth_part(max(cells.area.shape))
         self._share = _Sharing(cells, self._allowed if order == 2 else None)
-        # Beside cells that are cut slopes are those of planes.
-        moved = np.abs(cells.centre - cells.middle).max(axis=0) > _MOVED * cells.width
-        which = np.flatnonzero(binary_dilation(moved, np.ones((3, 3), bool)) & cells.fluid)
+        # Beside cells that are not whole slopes are those of planes.
+        whole = np.abs(cells.area - cells.width**2) < _ROUNDING * cells.width**2
+        odd = binary_dilation(cells.fluid & ~whole, np.ones((3, 3), bool))
+        which = np.flatnonzero(odd & cells.fluid)
         places = cells.centre.reshape(2, -1)
         ways = [
             (face - cells.centre) * (through != 0.0)

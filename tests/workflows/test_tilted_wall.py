@@ -1,0 +1,59 @@
+"""The way along a tilted wall: the closed form, the channel, and, heavy, what slides and what does not."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from tests.workflows.test_workflows import workflow
+
+
+@pytest.fixture
+def tilted() -> ModuleType:
+    return workflow("tilted_wall")
+
+
+def test_the_exact_way_is_that_of_the_drag_alone(tilted: ModuleType) -> None:
+    """Heun's rule for v' = gamma (1 - v), x' = v from rest: second order, 1e-6 at steps of 1e-3."""
+    dt, way, speed = 1e-3, 0.0, 0.0
+    for _ in range(round(tilted.TIME / dt)):
+        ahead = speed + dt * tilted.DRAG * (1.0 - speed)
+        after = speed + 0.5 * dt * tilted.DRAG * (2.0 - speed - ahead)
+        way, speed = way + 0.5 * dt * (speed + ahead), after
+    assert tilted.exact_way("rho_mono_kinetic") == pytest.approx(way, rel=1e-5)
+    assert tilted.exact_way("diffusive") == tilted.TIME
+
+
+@pytest.mark.parametrize("tilt", [0.0, 30.0])
+def test_the_channel_lies_along_its_flow_and_gravity_across(
+    tilted: ModuleType, tilt: float
+) -> None:
+    """To rounding of the spline; the start lies in the channel and the walls along the flow."""
+    way = tilted.direction(tilt)
+    flow, scene = tilted.channel(way), tilted.tilted_scene(way, 0.1, 1.0)
+    sample = flow.evaluate(np.array([0.0, way.x]), np.array([0.1, way.y]))
+    np.testing.assert_allclose(sample.velocity_x, way.x, atol=1e-9)
+    np.testing.assert_allclose(sample.velocity_y, way.y, atol=1e-9)
+    assert scene.gravity.x * way.x + scene.gravity.y * way.y == pytest.approx(0.0, abs=1e-12)
+    sides = np.diff(flow.outline.ends, axis=1)[:, 0]
+    along = sides[
+        np.isin(flow.outline.patch, [flow.outline.names.index(n) for n in ("low", "high")])
+    ]
+    np.testing.assert_allclose(along[:, 0] * way.y - along[:, 1] * way.x, 0.0, atol=1e-12)
+
+
+@pytest.mark.heavy
+def test_along_the_grid_mass_slides_and_samples_slide_anywhere(
+    tilted: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Samples to the accuracy of their steps; mass lands over a cell, 0.02 of the way at h = 0.1."""
+    models = ["mckean_vlasov", "rho_mono_kinetic", "diffusive"]
+    assert tilted.main(["--models", *models, "--tilts", "0", "--cells", "0.1"]) == 0
+    assert tilted.main(["--models", models[0], "--tilts", "30", "--cells", "0.1"]) == 0
+    rows = [
+        line for line in capsys.readouterr().out.splitlines() if line[2:].startswith(tuple(models))
+    ]
+    parts = [float(line.split("|")[3]) for line in rows]
+    assert (np.abs(np.array(parts) - 1.0) < [1e-3, 0.03, 1e-3, 1e-3]).all()

@@ -128,7 +128,8 @@ def read_told(path: Path) -> tuple[float, bool]:
     if time.size != 1 or not abs(float(time[0])) <= LARGEST_IN_A_CASE:
         raise piece.error("TimeValue", "one finite number", "others")
     velocity = piece.decoded("CellData", "U", piece.cells, 3)
-    number = float(decimal(time)[0] if time.dtype.itemsize == 4 else time[0])
+    single = time.dtype == np.float32
+    number = float(decimal(time.astype(np.float32))[0] if single else time[0])
     return number, bool((velocity == velocity[:1]).all())
 
 

@@ -26,10 +26,10 @@ def placed(mesh: pyvista.DataSet, plane: CasePlane) -> pyvista.DataSet:
     if plane == FLAT:
         return mesh
     if isinstance(mesh, pyvista.ImageData):
-        (nx, ny, _), (dx, dy, dz), (x, y, _) = mesh.dimensions, mesh.spacing, mesh.origin
-        mesh.dimensions = tuple(plane.turned(np.array([[nx, ny, 1]]))[0].tolist())
-        mesh.spacing = tuple(plane.turned(np.array([[dx, dy, dz]]))[0].tolist())
-        mesh.origin = tuple(plane.turned(np.array([[x, y, plane.level]]))[0].tolist())
+        flat = np.array([mesh.dimensions, mesh.spacing, mesh.origin], np.float64)
+        flat[2, 2] = plane.level
+        dimensions, mesh.spacing, mesh.origin = map(tuple, plane.turned(flat).tolist())
+        mesh.dimensions = tuple(map(int, dimensions))
     elif isinstance(mesh, pyvista.PolyData):
         points = np.array(mesh.points, np.float64)
         points[:, 2] = plane.level

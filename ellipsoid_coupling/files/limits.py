@@ -42,8 +42,8 @@ MOST_FLOW_BYTES = 250_000_000
 # The same at several times: an archive's list of contents has no room for more bytes, or for more arrays.
 MOST_SERIES_BYTES = 4_000_000_000
 MOST_SERIES_TIMES = 10_000
-# Arrays in it: four; those of a checkpoint: some ten for every save time.
-MOST_FLOW_ARRAYS = 11
+# Arrays of one: eleven, and three of a series; those of a checkpoint: some ten for every save time.
+MOST_FLOW_ARRAYS = 14
 MOST_CHECKPOINT_ARRAYS = 200_000
 # A yardstick, unpacked: 256 groups of bins at 100 times take 47 MB.
 MOST_YARDSTICK_BYTES = 100_000_000

@@ -30,6 +30,7 @@ from ellipsoid_coupling.compiled.jit import inline_kernel, kernel
 from ellipsoid_coupling.compiled.rows import element
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import whole_file
+from ellipsoid_coupling.flow.case_plane import FLAT, CasePlane
 from ellipsoid_coupling.flow.misfit import Misfit
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.saved import outline_arrays, read_saved
@@ -164,12 +165,14 @@ class FlowField(FlowMethods):
     origin : where the flow came from, one line
     outline : where the fluid ends, patch by patch; None where nothing is known of that
     misfit : how far it is off the U of the solver that it was read from; None where there is none
+    plane : of the case that it was read from, in its space
     """
 
     arrays: FlowArrays
     origin: str
     outline: Outline | None = None
     misfit: Misfit | None = None
+    plane: CasePlane = FLAT
 
     @classmethod
     def from_stream_function(
@@ -227,7 +230,7 @@ class FlowField(FlowMethods):
 
     @functools.cached_property
     def digest(self) -> str:
-        """What tells two flows apart: a hash of their numbers, whatever they are called."""
+        """What tells two flows apart: a hash of their numbers, whatever they are called, in any plane."""
         digest = hashlib.sha256()
         for part in self.arrays[:10] if self.arrays.chi is None else self.arrays:
             digest.update(np.ascontiguousarray(part).tobytes())
@@ -315,6 +318,7 @@ class FlowField(FlowMethods):
             "numbers": np.array(self.arrays[1:9]),
             "mask": self.arrays.mask,
             "origin": np.array(self.origin),
+            "plane": np.array(self.plane, np.float64),
             **({} if self.outline is None else outline_arrays(self.outline)),
             **({} if self.misfit is None else {"misfit": np.array(self.misfit)}),
         }
@@ -336,4 +340,5 @@ class FlowField(FlowMethods):
             saved.origin,
             saved.outline,
             saved.misfit,
+            saved.plane,
         )

@@ -143,7 +143,8 @@ class MovingFlow(FlowField):
         """The flow at a time of the interval; beyond it, at its nearest end."""
         first, last, span = self.interval
         mean = blend(float(plain(part_of)(span, t)), first.coefficients, last)
-        return FlowField(first._replace(coefficients=mean), self.origin, self.outline)
+        arrays = first._replace(coefficients=mean)
+        return FlowField(arrays, self.origin, self.outline, plane=self.plane)
 
     def steady_fields(self) -> Iterator[FlowField]:
         """Those of the whole series."""

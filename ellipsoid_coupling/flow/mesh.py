@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ellipsoid_coupling.flow.case_plane import FLAT, CasePlane
 from ellipsoid_coupling.flow.polygons import Edges, Polygons
 from ellipsoid_coupling.flow.stream_function import Patch, Rim, given_on_edges
 
@@ -28,6 +29,7 @@ class MeshFlow:
     flux : (E,), what the solver says of the flux through edges, as a jump of psi; None if it says nothing
     where, origin : the folder for messages, the line for `FlowField.origin`
     corner : (2,), the place in the case from which points are measured
+    plane : the plane of the case that it lies in
     """
 
     points: Array
@@ -40,6 +42,7 @@ class MeshFlow:
     where: str
     origin: str
     corner: Array
+    plane: CasePlane = FLAT
 
     @functools.cached_property
     def centres(self) -> Array:

@@ -93,7 +93,8 @@ def flow_field(
     if not allow_misfit:
         require_near(mesh.where, misfit)
     told = f"{mesh.origin}, {_told(made, misfit)}; {made.source}"
-    return replace(_moved(made.field, mesh.corner), origin=told, misfit=misfit)
+    moved = _moved(made.field, mesh.corner)
+    return replace(moved, origin=told, misfit=misfit, plane=mesh.plane)
 
 
 def _without_sources(mesh: MeshFlow, phi: _Phi | None) -> _Made:

@@ -16,6 +16,7 @@ from ellipsoid_coupling.files.limits import (
     MOST_PATCHES,
 )
 from ellipsoid_coupling.files.reading import Arrays, read_arrays
+from ellipsoid_coupling.flow.case_plane import FLAT, CasePlane
 from ellipsoid_coupling.flow.misfit import Misfit
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.slopes import Chi
@@ -42,6 +43,7 @@ class SavedFlow(NamedTuple):
     outline: Outline | None
     chi: Chi | None
     misfit: Misfit | None
+    plane: CasePlane
 
 
 def read_saved(path: Path) -> SavedFlow:
@@ -75,7 +77,7 @@ def checked_flow(path: Path, file: Arrays) -> SavedFlow:
     except ValueError as error:
         raise InputError(f"{path}, origin", "one line of text", str(error), _REMEDY) from None
     chi = Chi(ny + 3) if coefficients.shape == shapes[1] else None
-    told = origin, _outline(path, file), chi, _misfit(path, file)
+    told = origin, _outline(path, file), chi, _misfit(path, file), _plane(path, file)
     return SavedFlow(coefficients, mask, numbers.tolist(), *told)
 
 
@@ -89,6 +91,18 @@ def _misfit(path: Path, file: Arrays) -> Misfit | None:
         expected = f"{len(Misfit._fields)} finite numbers from 0 on"
         raise InputError(f"{path}, misfit", expected, "others", _REMEDY)
     return Misfit(*found.tolist())
+
+
+def _plane(path: Path, file: Arrays) -> CasePlane:
+    """The case's plane in a file's arrays, checked; z = 0 where the file has none."""
+    if "plane" not in file:
+        return FLAT
+    found = file["plane"]
+    fits = found.dtype.str == "<f8" and found.shape == (len(CasePlane._fields),)
+    if not fits or found[0] not in range(3) or not abs(found[1]) <= LARGEST_NUMBER:
+        expected = "an axis, 0, 1 or 2, and a finite place on it"
+        raise InputError(f"{path}, plane", expected, "others", _REMEDY)
+    return CasePlane(int(found[0]), float(found[1]))
 
 
 def outline_arrays(outline: Outline) -> Arrays:

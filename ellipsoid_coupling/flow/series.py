@@ -138,6 +138,7 @@ class FlowSeries(FlowField):
             arrays,
             first.origin,
             first.outline,
+            plane=first.plane,
             path=path,
             times=saved.times,
             repeat=saved.repeat,
@@ -158,7 +159,7 @@ class FlowSeries(FlowField):
     @property
     def _frame(self) -> FlowField:
         """At rest: all that does not change."""
-        return FlowField(self.arrays, self.origin, self.outline)
+        return FlowField(self.arrays, self.origin, self.outline, plane=self.plane)
 
     @property
     def in_time(self) -> FlowArrays | Interval:
@@ -231,7 +232,7 @@ class FlowSeries(FlowField):
 
     def _with(self, coefficients: Array) -> FlowField:
         arrays = self.arrays._replace(coefficients=coefficients)
-        return FlowField(arrays, self.origin, self.outline)
+        return FlowField(arrays, self.origin, self.outline, plane=self.plane)
 
 
 def require_covered(where: str, covers: tuple[float, float], until: float) -> None:
@@ -292,6 +293,7 @@ class _Writer:
             "digests": np.array(digests, "<U16"),
             "numbers": np.array(first.arrays[1:9]),
             "mask": first.arrays.mask,
+            "plane": np.array(first.plane, np.float64),
             "origin": np.array(self._origin + self._told()),
         }
         if first.outline is not None:
@@ -341,7 +343,7 @@ def _require_same_mesh(first: FlowField, now: FlowField, time: float) -> None:
     same = first.arrays[1:9] == now.arrays[1:9] and np.array_equal(
         first.arrays.mask, now.arrays.mask
     )
-    same = same and first.arrays.chi == now.arrays.chi
+    same = same and first.arrays.chi == now.arrays.chi and first.plane == now.plane
     if (first.outline is None) != (now.outline is None):
         same = False
     elif first.outline is not None and now.outline is not None:

@@ -96,6 +96,7 @@ class SeriesWindow(Window):
             first,
             series.origin,
             series.outline,
+            plane=series.plane,
             interval=self._interval,
             series=series,
         )

@@ -9,7 +9,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.finite_volume.cell_acceleration import CellTerms, cell_tables
 from ellipsoid_coupling.finite_volume.grid import Grid
 from ellipsoid_coupling.finite_volume.moving_tables import MovingTables
-from ellipsoid_coupling.flow import FlowArrays
+from ellipsoid_coupling.flow import FlowArrays, FlowField
 from ellipsoid_coupling.flow.interval import Interval
 from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.geometry.boundaries import periodic_axes
@@ -136,6 +136,11 @@ def scene_drift(setup: Setup, edges: FluidEdges | None = None) -> Drift:
 
 
 def scene_edges(setup: Setup) -> FluidEdges | None:
+    """`flow_edges` of `setup`'s scene and flow."""
+    return flow_edges(setup.scene, setup.flow)
+
+
+def flow_edges(scene: Scene, flow: FlowField | None) -> FluidEdges | None:
     """What bounds the fluid; None where the domain is a box that reflects or may be left.
 
     Patches of the flow's case, or else the sides of the domain, where particles come in through one.
@@ -145,23 +150,20 @@ def scene_edges(setup: Setup) -> FluidEdges | None:
     InputError
         For patches that do not fit the scene.
     """
-    if not _has_edges(setup):
+    if not _has_edges(scene, flow):
         return None
-    flow, scene = setup.flow, setup.scene
     patches = flow.outline if flow is not None and is_outlined(scene, flow) else None
     return fluid_edges(scene, polygon_outline([]) if patches is None else patches)
 
 
-def _has_edges(setup: Setup) -> bool:
-    return setup.flow is not None and (
-        is_outlined(setup.scene, setup.flow) or setup.scene.has_inflow
-    )
+def _has_edges(scene: Scene, flow: FlowField | None) -> bool:
+    return flow is not None and (is_outlined(scene, flow) or scene.has_inflow)
 
 
 def scene_mesh(setup: Setup) -> FlowArrays | None:
     """The flow, if particles can leave its mesh; None where they cannot, or where edges bound the fluid."""
     flow = setup.flow
-    if flow is None or _has_edges(setup) or not can_be_left(setup.scene, flow):
+    if flow is None or _has_edges(setup.scene, flow) or not can_be_left(setup.scene, flow):
         return None
     return flow.arrays
 

@@ -11,6 +11,7 @@ from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.reading import exists, is_ordinary, output_folder
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow import FlowField, flow_at
+from ellipsoid_coupling.flow.case_plane import CasePlane
 from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.viscosity import read_viscosity
 from ellipsoid_coupling.flow.outline import Outline
@@ -55,7 +56,7 @@ def scene_text(c: Choices, field: FlowField, case: str, viscosity: float | None 
     """
     boundaries = _sides(c, field) if field.outline is None else _boundaries(c, field.outline)
     parts = (
-        _head(c, field.origin), _domain(c), _particles(c), _start(c),
+        _head(c, field.origin), _domain(c, field.plane), _particles(c), _start(c),
         _flow(c, case, viscosity, field), boundaries, _numerics(c), _MORE,
     )  # fmt: skip
     return "\n".join("\n".join(part) + "\n" for part in parts if part)
@@ -91,9 +92,11 @@ def _head(c: Choices, origin: str) -> list[str]:
     ]
 
 
-def _domain(c: Choices) -> list[str]:
+def _domain(c: Choices, plane: CasePlane) -> list[str]:
     why = "where no [boundaries] say another thing"
+    x, y = ("xyz"[axis] for axis in plane.axes)
     return [
+        *([] if (x, y) == ("x", "y") else [f"# x and y are the case's {x} and {y}."]),
         "# The mesh's box, upwards to whole cells of numerics.cell.",
         "[domain]",
         _line("x", list(c.domain[0])),

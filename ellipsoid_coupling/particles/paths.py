@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.geometry.edge_grid import (
@@ -37,6 +38,7 @@ from ellipsoid_coupling.geometry.edge_grid import (
 from ellipsoid_coupling.particles.bounces import Flight, first_exit, time_of
 from ellipsoid_coupling.particles.linear import phi_functions
 
+Floats = NDArray[np.float64]
 Vector = tuple[float, float]
 
 # Parts of a path and edges met on it that are followed in a step.
@@ -105,11 +107,15 @@ class End(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The next part of a path: how long it takes, position and velocity at its end, the cells about it."""
+    """The next part of a path: how long it takes, position and velocity at its end, the cells about it.
+
+    bend : how far it is from the straight way at most
+    """
 
     time: float
     position: Vector
     velocity: Vector
+    bend: float
     columns: tuple[int, int]
     rows: tuple[int, int]
 
@@ -163,6 +169,7 @@ def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
     t, size = left, 1.0 / edges.per_length
     # Columns 0 to -1 are none.
     position, velocity, columns, rows = path.position, path.velocity, (0, -1), (0, -1)
+    bend = np.inf
     for _ in range(_MOST_HALVINGS):
         position, velocity = _later(path, t)
         # A position that is no number lies in no cell; the stepper reports it.
@@ -185,7 +192,7 @@ def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
         if cells <= _MOST_CELLS and bend <= _BEND * size:
             break
         t *= 0.5
-    return _Part(t, position, velocity, columns, rows)
+    return _Part(t, position, velocity, bend, columns, rows)
 
 
 @kernel
@@ -239,6 +246,19 @@ def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> 
 
 
 @kernel
+def _passes_beside(edges: EdgeGrid, line: Floats, path: Path, part: _Part) -> bool:
+    """Whether all of a part lies before an edge's start or behind its stop, along its line: often so.
+
+    A wall of many edges on one line is met at one of them, and the search for the time costs most.
+    """
+    ax, ay = line[ALONG_X], line[ALONG_Y]
+    first = ax * (path.position[0] - line[X]) + ay * (path.position[1] - line[Y])
+    last = ax * (part.position[0] - line[X]) + ay * (part.position[1] - line[Y])
+    rim = part.bend + 4.0 * edges.margin
+    return bool(max(first, last) + rim < 0.0 or min(first, last) - rim > line[LENGTH])
+
+
+@kernel
 def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
     """When a part of a path comes to edge e from its own side; infinite if it does not."""
     line = edges.lines[e]
@@ -253,6 +273,8 @@ def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
     # Between two positions before an edge only a path that turns round may have met it.
     turns = nx * (vx + ux) + ny * (vy + uy) < 0.0 < nx * (wx + ux) + ny * (wy + uy)
     if after >= nearest and not turns:
+        return np.inf
+    if _passes_beside(edges, line, path, part):
         return np.inf
     t = _meets(edges, e, path, part, before)
     if t < np.inf or after >= nearest:
@@ -270,7 +292,8 @@ def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
             cell = row * edges.columns + column
             for member in range(edges.first[cell], edges.first[cell + 1]):
                 e = edges.members[member]
-                t = _edge_time(edges, e, path, part)
+                # The nearest one often lies in several of the cells.
+                t = _edge_time(edges, e, path, part) if e != found else first
                 # Of two that are met at one time the one that comes first in the cells, always the same.
                 if t < first:
                     found, first = e, t

@@ -1,13 +1,14 @@
-"""A solved case at several of its times."""
+"""A solved case, or what foamToVTK wrote of one, at several of its times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from ellipsoid_coupling.errors import InputError, readable
-from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.kept_fields import kept_field
 from ellipsoid_coupling.flow.misfit import LARGEST_MISFIT, Misfit, percent, require_near
@@ -17,16 +18,15 @@ from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.times import (
     Series,
     choose_series,
+    series_of,
     solved_times,
     time_named,
 )
+from ellipsoid_coupling.flow.openfoam.vtk_times import is_step, is_vtk, vtk_folder, vtk_times
 from ellipsoid_coupling.flow.series import FlowSeries, require_covered
 from ellipsoid_coupling.flow.when import Divergence, When
 
 Report = Callable[[str, float], None]
-
-# Where foamToVTK leaves its times, below the folder that is named.
-_VTK = ("internal.vtu", "*_*/internal.vtu", "VTK/*_*/internal.vtu")
 
 
 def read_times(
@@ -36,12 +36,14 @@ def read_times(
     allow_misfit: bool = False,
     report: Report | None = None,
 ) -> FlowField:
-    """The flow of a solved case at other times than its last one; a decomposed case is put together.
+    """The flow of a solved case, or of what foamToVTK wrote of one, at other times than the last one.
+
+    A decomposed case is put together.
 
     Parameters
     ----------
     path : Path
-        As of `reader.read_case`; a time's folder only without other times.
+        As of `reader.read_flow`; a time's folder only without other times.
     when : When
         Sources are kept at all times, if there are any at one of them.
     allow_misfit : bool
@@ -59,37 +61,81 @@ def read_times(
         As `reader.read_case`, for any of the times; or if the times do not cover the scene, or the mesh
         changes.
     """
-    if not exists(path / "system") and any(next(path.glob(file), None) for file in _VTK):
-        raise InputError(
-            str(path), "the case itself, for a flow at times of its own", "what foamToVTK made of it",
-            "Name the folder that holds constant, system and the times (in parts as it is, or after "
-            "reconstructPar).",
-        )  # fmt: skip
-    case, named = locate(path)
-    if named is not None:
-        found = f"its time {named}, and flow.time = {when.time!r}"
-        raise InputError(str(path), "the folder of the case", found, "Leave one of them out.")
+    found = _vtk_found(path, when) if is_vtk(path) else _case_found(path, when)
     if isinstance(when.time, int | float):
-        own = any(float(name) == when.time for name in solved_times(case))
-        there = case if own else times_folder(case)
         kept = Divergence.WHERE_OPEN if when.divergence else Divergence.NONE
-        name = time_named(there, when.time)
-        return kept_field(there / name, allow_misfit=allow_misfit, divergence=kept)
+        name = time_named(found.where, sorted(found.folders, key=float), when.time)
+        return kept_field(found.folders[name], allow_misfit=allow_misfit, divergence=kept)
     interval = None if isinstance(when.time, str) else when.time
-    there = times_folder(case)
-    series = choose_series(there, interval, _start_of(case, there))
+    series = found.series(interval)
     times = series.times
     ends = float(series.names[0]), float(series.names[-1])
     if when.repeat and not isinstance(when.time, str) and tuple(when.time) != ends:
         raise InputError(
-            f"{case}, flow.time", "with repeat, an interval from one time with U to another",
+            f"{found.where}, flow.time", "with repeat, an interval from one time with U to another",
             f"{list(when.time)}, around which these are {list(ends)}", "Change it.",
         )  # fmt: skip
     covers = times[0], float("inf") if when.repeat else times[-1]
-    require_covered(str(case), covers, when.until)
-    note = series.note + ("" if there == case else ", in parts")
-    head = f"OpenFOAM case {readable(case.resolve().name)}, {note}"
-    return _read_series(_Reading(there, series, when.divergence, report), head, when, allow_misfit)
+    require_covered(str(found.where), covers, when.until)
+    head = f"{found.told}, {series.note}"
+    return _read_series(_Reading(found, series, when.divergence, report), head, when, allow_misfit)
+
+
+class _Found(NamedTuple):
+    """The times at a path.
+
+    Attributes
+    ----------
+    where : Path
+        The case, or foamToVTK's folder, for messages.
+    told : str
+        The same in words, which begin `FlowField.origin`.
+    folders : dict
+        Of each time with U, by its name.
+    series : callable
+        Gives those that cover an interval, or all of them.
+    has_types : bool
+        Whether the files tell the types of patches.
+    """
+
+    where: Path
+    told: str
+    folders: dict[str, Path]
+    series: Callable[[tuple[float, float] | None], Series]
+    has_types: bool
+
+
+def _case_found(path: Path, when: When) -> _Found:
+    """The times of a case."""
+    case, named = locate(path)
+    if named is not None:
+        found = f"its time {named}, and flow.time = {when.time!r}"
+        raise InputError(str(path), "the folder of the case", found, "Leave one of them out.")
+    there = times_folder(case)
+    folders = {name: there / name for name in solved_times(there)}
+    if isinstance(when.time, int | float):
+        # Of one time, what has been put together is read as it is.
+        folders |= {name: case / name for name in solved_times(case)}
+    told = f"OpenFOAM case {readable(case.resolve().name)}"
+    return _Found(case, told, folders, partial(_series_of_case, case, there), has_types=True)
+
+
+def _series_of_case(case: Path, there: Path, interval: tuple[float, float] | None) -> Series:
+    """`choose_series` in a case or in the first of its parts, `there`."""
+    series = choose_series(there, interval, _start_of(case, there))
+    return series if there == case else series._replace(note=f"{series.note}, in parts")
+
+
+def _vtk_found(path: Path, when: When) -> _Found:
+    """The times that foamToVTK wrote."""
+    folder = vtk_folder(path)
+    if is_step(folder):
+        found = f"one of its times, and flow.time = {when.time!r}"
+        raise InputError(str(path), "the folder of all times", found, "Leave one of them out.")
+    folders = vtk_times(folder)
+    told = f"foamToVTK folder {readable(folder.resolve().name)}"
+    chosen = partial(series_of, folder, list(folders))
+    return _Found(folder, told, folders, chosen, has_types=False)
 
 
 def _start_of(case: Path, there: Path) -> str | None:
@@ -121,18 +167,18 @@ def _read_series(reading: _Reading, head: str, when: When, allow_misfit: bool) -
         return flow
     # Nothing changes: a run need not stop at these times.
     (one, *_) = flow.steady_fields()
-    return FlowField(one.arrays, f"{head}, the same at all of them", one.outline)
+    return replace(one, origin=f"{head}, the same at all of them")
 
 
 @dataclass
 class _Reading:
     """How the times of a case are read, one by one.
 
-    there : the case, or the first of its parts
+    found : where they lie
     misfits : of the times that have been read
     """
 
-    there: Path
+    found: _Found
     series: Series
     divergence: bool
     report: Report | None
@@ -141,10 +187,12 @@ class _Reading:
     def fields(self) -> Iterator[FlowField]:
         """The field of each time."""
         names = self.series.names
-        kept = self._kept()
+        kept, types = self._kept(), self._types()
         for number, name in enumerate(names):
             self._tell(name, number)
             found = self._field(name, kept[name])
+            if types is not None and found.outline is not None:
+                found = replace(found, outline=found.outline._replace(types=types))
             if found.misfit is not None:
                 self.misfits[name] = found.misfit
             yield found
@@ -161,6 +209,22 @@ class _Reading:
         closed = Divergence.ALWAYS if any(has.values()) else Divergence.WHERE_OPEN
         return {name: Divergence.WHERE_OPEN if has[name] else closed for name in names}
 
+    def _types(self) -> tuple[str, ...] | None:
+        """The types of patches, where no file tells them: walls are what no fluid ever crosses.
+
+        None where files tell them.
+        """
+        if self.found.has_types:
+            return None
+        found: tuple[str, ...] | None = None
+        for number, name in enumerate(self.series.names):
+            self._tell(name, number)
+            outline = self._field(name, Divergence.NONE).outline
+            if outline is not None:
+                pairs = zip(outline.types, found or outline.types, strict=True)
+                found = tuple("wall" if pair == ("wall", "wall") else "patch" for pair in pairs)
+        return found
+
     def _tell(self, name: str, number: int) -> None:
         if self.report is not None:
             self.report(f"reading time {name}", number / len(self.series.names))
@@ -168,7 +232,7 @@ class _Reading:
     def _field(self, name: str, divergence: Divergence) -> FlowField:
         """The field of a time, however far off; what is refused names it."""
         try:
-            return kept_field(self.there / name, allow_misfit=True, divergence=divergence)
+            return kept_field(self.found.folders[name], allow_misfit=True, divergence=divergence)
         except InputError as error:
             where = error.where if f"/{name}/" in error.where else f"{error.where}, time {name}"
             raise InputError(where, error.expected, error.found, error.remedy) from None
@@ -179,7 +243,7 @@ class _Reading:
         A flow that starts from rest, or passes through it, has times of which a small part is a lot.
         """
         for name, misfit in self.misfits.items():
-            require_near(f"{self.there}, time {name}", misfit, self._largest())
+            require_near(f"{self.found.where}, time {name}", misfit, self._largest())
 
     def near_rest(self) -> str:
         """In words, how far off the worst of those times is that alone would be too far off; or nothing."""

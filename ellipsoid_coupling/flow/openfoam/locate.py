@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.files.limits import MOST_TIMES
 from ellipsoid_coupling.files.reading import exists, is_folder, is_ordinary
 from ellipsoid_coupling.flow.openfoam.decomposed import PART
 from ellipsoid_coupling.flow.openfoam.files import packed
@@ -13,6 +15,8 @@ from ellipsoid_coupling.flow.openfoam.times import is_time
 # Paths that stand for the case around them.
 _CASE_FILES = (".foam", ".OpenFOAM")
 _VTK_FILES = (".vtk", ".vtu", ".vtp", ".vtm", ".pvd", ".series")
+# Folders around such files, of which one may be the case: CASE/VTK/PATCH.
+_MOST_AROUND = 3
 
 
 def locate(path: Path) -> tuple[Path, str | None]:
@@ -38,7 +42,7 @@ def locate(path: Path) -> tuple[Path, str | None]:
         found = "something else" if exists(case) else "no such folder"
         raise InputError(str(path), "a solved OpenFOAM case folder", found, "Check the path.")
     if packed(case / "system/controlDict") is None:
-        if any(case.glob("*.vtk")):
+        if any(file.suffix in _VTK_FILES for file in islice(case.iterdir(), MOST_TIMES)):
             raise _legacy(case)
         remedy = "Name the folder that holds constant, system and the times; mesh and solve it."
         if PART.fullmatch(case.resolve().name):
@@ -50,7 +54,11 @@ def locate(path: Path) -> tuple[Path, str | None]:
 
 
 def _legacy(path: Path) -> InputError:
+    """The error for files that are not read: the legacy format, or a series without its files."""
+    around = (folder for folder in islice(path.resolve().parents, _MOST_AROUND))
+    case = next((one for one in around if packed(one / "system/controlDict") is not None), None)
+    named = "" if case is None else f", {case}"
     return InputError(
-        str(path), "a solved OpenFOAM case folder", "files for ParaView",
-        "Name the folder of the case itself: its mesh and U are read from there, in full precision.",
+        str(path), "a solved OpenFOAM case folder, or foamToVTK's XML files", "files for ParaView",
+        f"Name the folder of the case itself{named}: its mesh and U are read in full precision.",
     )  # fmt: skip

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
+from ellipsoid_coupling.flow.case_plane import CasePlane
 from ellipsoid_coupling.flow.mesh import MeshFlow
 from ellipsoid_coupling.flow.openfoam.case import Mesh, Solution
 from ellipsoid_coupling.flow.openfoam.plane import thin_axis
@@ -74,8 +75,9 @@ def of_case(solution: Solution, where: str, origin: str) -> MeshFlow:
         flux = solution.flux[faces[order]] / plane.depth * _rightwards(points, edges, cells)
     velocity = solution.velocity.values[:, plane.axes]
     return MeshFlow(
-        points, edges, cells, velocity, patches, rim, flux, where, origin, corner[plane.axes]
-    )
+        points, edges, cells, velocity, patches, rim, flux, where, origin, corner[plane.axes],
+        _case_plane(plane, corner),
+    )  # fmt: skip
 
 
 def of_vtk(raw: Raw, where: str, origin: str) -> MeshFlow:
@@ -97,7 +99,10 @@ def of_vtk(raw: Raw, where: str, origin: str) -> MeshFlow:
             patches[name] = Patch(centres[between][:, plane.axes], velocity[between][:, plane.axes])
     edges, rim = with_patches(points, cells.edges(), patches)
     velocity, corner = raw.velocity[:, plane.axes], raw.corner[plane.axes]
-    return MeshFlow(points, edges, cells, velocity, patches, rim, None, where, origin, corner)
+    return MeshFlow(
+        points, edges, cells, velocity, patches, rim, None, where, origin, corner,
+        _case_plane(plane, raw.corner),
+    )  # fmt: skip
 
 
 def _plane(points: Array, where: str) -> Plane:
@@ -105,6 +110,12 @@ def _plane(points: Array, where: str) -> Plane:
     depth = points[:, normal]
     front = depth < 0.5 * (depth.min() + depth.max())
     return Plane(front, [axis for axis in range(3) if axis != normal], float(np.ptp(depth)))
+
+
+def _case_plane(plane: Plane, corner: Array) -> CasePlane:
+    """The middle of the mesh; `corner` (3,) is where points are measured from."""
+    normal = 3 - sum(plane.axes)
+    return CasePlane(normal, float(corner[normal]) + 0.5 * plane.depth)
 
 
 def _between(mesh: Mesh, plane: Plane, where: str) -> tuple[Index, Index]:

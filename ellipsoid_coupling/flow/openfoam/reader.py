@@ -8,7 +8,6 @@ in double precision without them.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import partial
@@ -23,7 +22,6 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.errors import InputError, readable
 from ellipsoid_coupling.files.extras import require
 from ellipsoid_coupling.files.limits import MOST_PATCHES
-from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.mesh_flow import flow_field
 from ellipsoid_coupling.flow.openfoam.case import Mesh, Solution, read_cells, read_solution
@@ -33,6 +31,7 @@ from ellipsoid_coupling.flow.openfoam.locate import locate
 from ellipsoid_coupling.flow.openfoam.plane_mesh import Raw, of_case, of_vtk
 from ellipsoid_coupling.flow.openfoam.times import Chosen, unsolved
 from ellipsoid_coupling.flow.openfoam.vtk_files import REMEDY, check_internal, read_patch
+from ellipsoid_coupling.flow.openfoam.vtk_times import is_vtk, last_step, vtk_folder
 from ellipsoid_coupling.flow.when import Divergence
 
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ def read_flow(
     A case may be named by its folder, a .foam or .OpenFOAM file in it, system/controlDict, or a
     time's folder. Parameters and errors as `read_case` and `read_vtk`.
     """
-    read = read_vtk if _is_vtk(path) else read_case
+    read = read_vtk if is_vtk(path) else read_case
     return read(path, allow_misfit=allow_misfit, divergence=divergence)
 
 
@@ -64,8 +63,8 @@ def sources(path: Path) -> Iterator[Sources]:
 
     Those of a decomposed case are put together for as long as the context lasts.
     """
-    if _is_vtk(path):
-        step = _vtk_step(_vtk_folder(path))
+    if is_vtk(path):
+        step = last_step(vtk_folder(path))
         boundary = islice((step / "boundary").glob("*.vtp"), MOST_PATCHES)
         yield Sources((step / "internal.vtu", *sorted(boundary)), _vtk_origin(step), str(step))
         return
@@ -114,21 +113,10 @@ def read_vtk(
 
     `folder` is that time's folder, the VTK folder, or the case. The rest as `read_case`.
     """
-    step = _vtk_step(_vtk_folder(folder))
+    step = last_step(vtk_folder(folder))
     raw = _read_vtu(step)
     made = partial(flow_field, allow_misfit=allow_misfit, divergence=divergence)
     return _field(lambda: made(of_vtk(raw, str(step), _vtk_origin(step))), str(step))
-
-
-def _is_vtk(path: Path) -> bool:
-    folder = _vtk_folder(path)
-    if not is_folder(folder) or is_folder(folder / "system"):
-        return False
-    return is_ordinary(folder / "internal.vtu") or any(folder.glob("*_*/internal.vtu"))
-
-
-def _vtk_folder(path: Path) -> Path:
-    return path.parent if path.name == "internal.vtu" else path
 
 
 def _vtk_origin(step: Path) -> str:
@@ -180,21 +168,6 @@ def _change(chosen: Chosen, solution: Solution) -> str:
     largest = max(float(np.linalg.norm(now)), float(np.linalg.norm(before)))
     change = float(np.linalg.norm(now - before)) / largest if largest > 0.0 else 0.0
     return f", changed by {100.0 * change:.2g} % {since}"
-
-
-def _vtk_step(folder: Path) -> Path:
-    """The folder of foamToVTK's last time: it holds internal.vtu and its name ends in the index."""
-    if (folder / "internal.vtu").is_file():
-        return folder
-    for parent in (folder, folder / "VTK"):
-        steps = [path.parent for path in parent.glob("*_*/internal.vtu")]
-        numbered = [step for step in steps if re.search(r"_\d{1,18}$", step.name)]
-        if numbered:
-            return max(numbered, key=lambda step: int(step.name.rpartition("_")[2]))
-    raise _error(
-        folder, "what foamToVTK wrote (internal.vtu in it or below it)", "none",
-        "Name the folder of the solved case itself.",
-    )  # fmt: skip
 
 
 def _read_vtu(step: Path) -> Raw:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from itertools import islice, pairwise
 from pathlib import Path
 from statistics import median
@@ -97,9 +98,8 @@ class Series(NamedTuple):
         return [float(name) - self.start for name in self.names]
 
 
-def time_named(case: Path, time: float) -> str:
-    """The name of the folder of a time with U; InputError, listing those that there are, without one."""
-    solved = solved_times(case)
+def time_named(case: Path, solved: Sequence[str], time: float) -> str:
+    """The name of a time among those with U; InputError, listing those that there are, without it."""
     for name in solved:
         if float(name) == time:
             return name
@@ -123,15 +123,29 @@ def choose_series(
     """
     times = _times(case)
     solved = [name for name in solved_times(case) if name != begun]
+    series = series_of(case, solved, interval, times)
+    _require_one_mesh(case, times, series.names)
+    return series
+
+
+def series_of(
+    where: Path,
+    solved: list[str],
+    interval: tuple[float, float] | None,
+    times: Sequence[str] = (),
+) -> Series:
+    """As `choose_series`, of the names of times with U; those without it among `times` are told.
+
+    where : the case, for messages
+    """
     if len(solved) < 2:
         raise InputError(
-            f"{case}, flow.time", "a case with U at several times", _some(solved),
+            f"{where}, flow.time", "a case with U at several times", _some(solved),
             'Let the solver write more of them (writeInterval), or set flow.time = "latest".',
         )  # fmt: skip
     if interval is not None:
-        solved = _around(case, solved, interval)
+        solved = _around(where, solved, interval)
     first, last = float(solved[0]), float(solved[-1])
-    _require_one_mesh(case, times, solved)
     note = f"{len(solved)} times from {solved[0]} to {solved[-1]}"
     start = first if interval is None else interval[0]
     if start != 0.0:
@@ -178,7 +192,7 @@ def _require_one_mesh(case: Path, times: list[str], solved: list[str]) -> None:
                 )  # fmt: skip
 
 
-def _some(names: list[str]) -> str:
+def _some(names: Sequence[str]) -> str:
     if len(names) > 4:
         return f"{', '.join(names[:2])}, ..., {names[-1]}"
     return ", ".join(names) or "none"

@@ -65,6 +65,7 @@ class _Piece:
 
     texts : of each array, as it stands in the file
     header : the bytes of the number before an array's own
+    fields : the arrays that stand before the piece
     """
 
     path: Path
@@ -73,6 +74,7 @@ class _Piece:
     cells: int
     texts: Mapping[ElementTree.Element, bytes]
     header: int
+    fields: list[ElementTree.Element]
 
     def error(self, place: str, expected: str, found: str) -> InputError:
         return InputError(f"{self.path}, {place}", expected, found, REMEDY)
@@ -114,6 +116,21 @@ def check_internal(path: Path) -> None:
     _check_points(piece)
     _check_finite(piece, "CellData", "U", piece.decoded("CellData", "U", piece.cells, 3))
     _check_others(piece)
+
+
+def read_told(path: Path) -> tuple[float, bool]:
+    """The time of an internal.vtu, and whether U is the same in all cells; InputError without them."""
+    piece = _open(path, "UnstructuredGrid", "NumberOfCells")
+    told = [array for array in piece.fields if array.get("Name") == "TimeValue"]
+    if len(told) != 1:
+        raise piece.error("FieldData", "one TimeValue", f"{len(told)}")
+    time = _decode(piece, "TimeValue", told[0], 1)
+    if time.size != 1 or not abs(float(time[0])) <= LARGEST_IN_A_CASE:
+        raise piece.error("TimeValue", "one finite number", "others")
+    velocity = piece.decoded("CellData", "U", piece.cells, 3)
+    single = time.dtype == np.float32
+    number = float(decimal(time.astype(np.float32))[0] if single else time[0])
+    return number, bool((velocity == velocity[:1]).all())
 
 
 class PatchPolygons(NamedTuple):
@@ -168,7 +185,8 @@ def _open(path: Path, kind: str, cells: str) -> _Piece:
     if other > _OTHER_TEXT:
         raise InputError(str(path), _EXPECTED, f"{in_words(other)} that are no arrays", REMEDY)
     header = 8 if root.get("header_type") == "UInt64" else 4
-    return _Piece(path, pieces[0], int(counts[0]), int(counts[1]), texts, header)
+    fields = root.findall(f"{kind}/FieldData/DataArray")
+    return _Piece(path, pieces[0], int(counts[0]), int(counts[1]), texts, header, fields)
 
 
 def _marks(data: bytes) -> _Marks:

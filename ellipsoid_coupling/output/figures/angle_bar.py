@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from ellipsoid_coupling.output.figures.beside import in_height
 from ellipsoid_coupling.output.figures.canvas import show_multiples_of_pi
 from ellipsoid_coupling.output.figures.style import axis_map
 
@@ -27,5 +28,6 @@ def add_angle_bar(
         pad=0.02,
         aspect=30 if upright else 60,
     )
-    bar.set_label("angle of the axis in rad, modulo $\\pi$")
+    told = "angle of the axis in rad, modulo $\\pi$"
+    bar.set_label(in_height(figure, told) if upright else told)
     show_multiples_of_pi(bar.ax.yaxis if upright else bar.ax.xaxis, 0.25)

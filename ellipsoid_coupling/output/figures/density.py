@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.outline import Outline
+from ellipsoid_coupling.output.figures.beside import in_height, row_labels
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     add_details,
@@ -150,9 +151,9 @@ def density_figure(
     # A flat panel has no room for a long line beside it.
     breaks = ",\n" if height < _FLAT * PANEL else ", "
     labels = [row.label.replace(", ", breaks) for row in rows]
-    label_lines = max(label.count("\n") for label in labels) + 1
+    beside = row_labels(labels, height, [row.label for row in rows])
     figure = new_figure(
-        PANEL * len(times) + 0.15 * label_lines + (2.4 if scale == "figure" else 0.7),
+        PANEL * len(times) + beside.room + (2.4 if scale == "figure" else 0.7),
         (height + 0.13) * len(rows) + (0.9 if scale == "figure" else 1.6),
         layout="compressed",
     )
@@ -163,8 +164,8 @@ def density_figure(
         images = _draw_panels(shown, maximum, power, colours)
         if images:
             add_density_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
-    for label, first in zip(labels, axes[:, 0], strict=True):
-        first.set_ylabel(f"{label}\n\ny")
+    for i, first in enumerate(axes[:, 0]):
+        beside.add(i, first)
     for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):
         top.set_title(time_title(time))
         bottom.set_xlabel("x")
@@ -235,7 +236,8 @@ def add_density_bar(
         pad=0.02,
         aspect=40 if scale == "figure" else 20,
     )
-    bar.set_label("\n".join(parts))
+    text = "\n".join(parts)
+    bar.set_label(in_height(figure, text) if scale == "figure" else text)
 
 
 def draw_density(

@@ -18,6 +18,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.geometry.orientation import Complexes, Shape, mean_axis
 from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures.angle_bar import add_angle_bar
+from ellipsoid_coupling.output.figures.beside import row_labels
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     add_details,
@@ -100,13 +101,13 @@ def director_figure(rows: Sequence[AxisRow], kind: Kind = "lines", title: str = 
     times = np.unique(np.concatenate([row.density.times for row in rows]))
     extent = rows[0].density.extent
     height = _PANEL * min(2.0, (extent[3] - extent[2]) / (extent[1] - extent[0]))
-    figure = new_figure(
-        _PANEL * len(times) + 2.4, (height + 0.13) * len(rows) + 1.6, layout="compressed"
-    )
+    beside = row_labels([row.density.label for row in rows], height)
+    width = _PANEL * len(times) + 2.4 + (0.0 if beside.upright else beside.room)
+    figure = new_figure(width, (height + 0.13) * len(rows) + 1.6, layout="compressed")
     axes = panel_grid(figure, len(rows), len(times), sharex=True, sharey=True)
     top = common_maximum([panel for row in rows for panel in row.density.density])
     images: list[AxesImage] = []
-    for row, panels in zip(rows, axes, strict=True):
+    for i, (row, panels) in enumerate(zip(rows, axes, strict=True)):
         for time, panel in zip(times, panels, strict=True):
             show_domain(panel, row.density.extent)
             add_walls(panel, row.density.outline, row.density.extent)
@@ -117,7 +118,7 @@ def director_figure(rows: Sequence[AxisRow], kind: Kind = "lines", title: str = 
                 images.append(_add_lines(panel, row, int(found[0]), top))
             else:
                 _add_colours(panel, row, int(found[0]), top)
-        panels[0].set_ylabel(f"{row.density.label}\n\ny")
+        beside.add(i, panels[0])
     for time, first, last in zip(times, axes[0], axes[-1], strict=True):
         first.set_title(time_title(time))
         last.set_xlabel("x")

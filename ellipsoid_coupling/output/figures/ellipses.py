@@ -1,7 +1,8 @@
-"""The particles of one realisation as ellipses to scale, in the colours of their axes."""
+"""The particles of one realisation as ellipses in the colours of their axes, to scale but for mere dots."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,8 @@ PANEL_WIDTH, WIDE_PANEL, WIDE = 3.0, 6.5, 1.6
 MOST_PARTICLES = 200
 # Of the flow behind, along the longer side, and in a wide panel.
 ARROWS, WIDE_ARROWS = 16, 30
+# In points: ellipses shorter than a dot show no axis, and are drawn so long that they do.
+_DOT, _SEEN = 2.0, 4.0
 
 
 def thinned(number: int, most: int) -> NDArray[np.int64]:
@@ -61,6 +64,9 @@ def ellipse_figure(
     number = result.variables["x"].shape[2]
     chosen = thinned(number, most)
     arrows = WIDE_ARROWS if _is_wide(extent) else ARROWS
+    particles, width = result.scene.particles, WIDE_PANEL if _is_wide(extent) else PANEL_WIDTH
+    times = enlargement(particles.length, extent, width)
+    size = times * particles.length, times * particles.width
     for i, (time, panel) in enumerate(zip(result.times, axes, strict=True)):
         show_domain(panel, extent)
         left, unborn = (
@@ -68,8 +74,9 @@ def ellipse_figure(
             for flags in (result.frozen, result.unborn)
         )
         left = left & ~unborn
-        _add_ellipses(panel, result, (i, realisation), chosen[~(left | unborn)[chosen]])
-        _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], filled=False)
+        there = chosen[~(left | unborn)[chosen]]
+        _add_ellipses(panel, result, (i, realisation), there, size)
+        _add_ellipses(panel, result, (i, realisation), chosen[left[chosen]], size, filled=False)
         if flow is not None:
             add_arrows(panel, flow.at(time), extent, colour="0.8", count=arrows)
         add_walls(panel, drawn_outline(result.scene, flow), extent)
@@ -82,7 +89,8 @@ def ellipse_figure(
     started = result.attributes.get("particles_at_start")
     came_in = 0 if started is None else number - int(started)
     inlet = f", {came_in} of them from inlets" if came_in > 0 else ""
-    add_title(figure, f"{title}\n{part}{number} particles{inlet}{whose}".strip())
+    told = f"{part}{number} particles{inlet}{whose}{enlarged(times)}"
+    add_title(figure, f"{title}\n{told}".strip())
     add_details(figure, run_details([result]))
     return figure
 
@@ -90,6 +98,17 @@ def ellipse_figure(
 def _is_wide(extent: Extent) -> bool:
     """Whether panels of this extent stand below each other."""
     return (extent[3] - extent[2]) * WIDE <= extent[1] - extent[0]
+
+
+def enlargement(length: float, extent: Extent, width: float) -> int:
+    """How many times as large ellipses are drawn in a panel of this width (inch): 1, but for mere dots."""
+    points = 72.0 * width * length / (extent[1] - extent[0])
+    return 1 if points >= _DOT else math.ceil(_SEEN / points)
+
+
+def enlarged(times: int) -> str:
+    """What a title says of that; nothing of ellipses to scale."""
+    return f", drawn {times} times as large" if times > 1 else ""
 
 
 def _panels(extent: Extent, times: int) -> tuple[Figure, NDArray[np.object_]]:
@@ -112,11 +131,14 @@ def _add_ellipses(
     result: Result,
     where: tuple[int, int],
     chosen: NDArray[np.int64],
+    size: tuple[float, float],
     filled: bool = True,
 ) -> None:
-    """The chosen particles at `where`, (time, realisation); only their outlines if not `filled`."""
+    """The chosen particles at `where`, (time, realisation); only their outlines if not `filled`.
+
+    size : length and width as drawn
+    """
     x, y, angle = (result.variables[name][where][chosen] for name in ("x", "y", "angle"))
-    size = (result.scene.particles.length, result.scene.particles.width)
     ellipses = PolyCollection(
         list(ellipse_outlines(x, y, angle, size)),
         facecolors=axis_colours(as_axis(angle)) if filled else "none",
@@ -155,7 +177,8 @@ def draw_ellipses(
     """Ellipses of full length L and full width D in the colours of their axes, one panel a saved time.
 
     Of particles that have left the flow, through an outlet or at a wall that holds them, the outline stands
-    where they did; the panel says how many. With a flow, walls and solids are drawn.
+    where they did; the panel says how many. With a flow, walls and solids are drawn. Ellipses that would be
+    dots are drawn larger, which the title says.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     wrapped,
 )
 from ellipsoid_coupling.output.figures.density import common_maximum
-from ellipsoid_coupling.output.figures.ellipses import thinned
+from ellipsoid_coupling.output.figures.ellipses import enlarged, enlargement, thinned
 from ellipsoid_coupling.output.figures.flow import add_arrows
 from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, line_style
 from ellipsoid_coupling.output.figures.walls import add_walls
@@ -200,7 +200,11 @@ class _ParticleFilm:
         self._chosen = thinned(number, MOST_PARTICLES)
         part = f"{self._chosen.size} of " if self._chosen.size < number else ""
         title = result.scene.title or result.scene.name
-        self._title = f"{title}\n{model_name(result.model)}, {part}{number} particles"
+        particles = result.scene.particles
+        times = enlargement(particles.length, _extent(result), _WIDTH - 1.0)
+        self._size = times * particles.length, times * particles.width
+        told = f"{part}{number} particles{enlarged(times)}"
+        self._title = f"{title}\n{model_name(result.model)}, {told}"
         style = line_style(result.model)
         self._inside = PolyCollection(
             [], facecolors=style.colour, edgecolors="black", linewidths=0.3, alpha=0.7
@@ -228,8 +232,7 @@ class _ParticleFilm:
     def _outlines(self, k: int, flags: NDArray[np.bool_]) -> list[Floats]:
         chosen = self._chosen[flags[self._chosen]]
         x, y, angle = (self._result.variables[name][k, 0][chosen] for name in ("x", "y", "angle"))
-        particles = self._result.scene.particles
-        return list(ellipse_outlines(x, y, angle, (particles.length, particles.width)))
+        return list(ellipse_outlines(x, y, angle, self._size))
 
     def _show_flow(self, time: float) -> None:
         """Arrows of the flow at that time, drawn anew only where it changes."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.inside import in_fluid
+from ellipsoid_coupling.output.figures.beside import in_height
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,
@@ -94,9 +95,8 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     arrows = add_arrows(axes, flow, extent)
     add_walls(axes, flow.outline, extent)
     bar = figure.colorbar(arrows, ax=axes)
-    bar.set_label(
-        f"speed, linear; largest arrow {arrows.norm.vmax:.3g}\nthe lengths of arrows differ less"
-    )
+    told = f"speed, linear; largest arrow {arrows.norm.vmax:.3g}\nthe lengths of arrows differ less"
+    bar.set_label(in_height(figure, told))
     axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.case_plane import FLAT, CasePlane
 from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.paraview.fields import grid_images, histogram_images
 from ellipsoid_coupling.output.paraview.flow import export_flow
@@ -17,8 +20,12 @@ from ellipsoid_coupling.output.paraview.particles import (
     particle_ellipses,
     particle_points,
 )
+from ellipsoid_coupling.output.paraview.placed import placed_series
 from ellipsoid_coupling.output.paraview.series import save_series
 from ellipsoid_coupling.result import Result
+
+if TYPE_CHECKING:
+    import pyvista
 
 HISTOGRAM_CELLS = 60
 SCRIPT = "open_in_paraview.py"
@@ -48,8 +55,8 @@ def export(
         histogram.pvd   one .vti a time: density of all realisations on 60 x 60 bins, with S, angle and
                         orientation of the mean axis in bins of four particles at least
 
-    With a flow, the files of `export_flow` come along. Places are those of the scene, which for a case
-    are the case's own; the plane is z = 0.
+    With a flow, the files of `export_flow` come along. Places and vectors are those of the flow's case: in
+    its plane, in the middle of its mesh. Without a case the plane is z = 0.
 
     open_in_paraview.py opens all of them: ``paraview --script=open_in_paraview.py``, or File > Load
     State. By hand, to draw the points as ellipses, open particles.pvd and add the filter Glyph with
@@ -82,30 +89,43 @@ def export(
     InputError
         For a realisation that the result does not have.
     """
-    if result.layout == "particles":
-        check_realisation(result, realisation)
-        save_series(particle_points(result, realisation), folder, "particles", ".vtp")
-        save_series(particle_ellipses(result, realisation or 0), folder, "ellipses", ".vtp")
-        save_series(histogram_images(result, HISTOGRAM_CELLS), folder, "histogram", ".vti")
-    else:
-        save_series(grid_images(result, flow), folder, "fields", ".vti")
+    plane = FLAT if flow is None else flow.plane
+    for name, suffix, meshes in _series(result, flow, realisation):
+        save_series(placed_series(meshes, plane), folder, name, suffix)
     if flow is not None:
         export_flow(flow, result.scene, folder, result)
-    write_script(folder, max(result.scene.domain.width, result.scene.domain.height))
+    write_script(folder, max(result.scene.domain.width, result.scene.domain.height), plane)
     return folder
 
 
-def write_script(folder: Path, size: float) -> Path:
-    """The script that opens the folder in ParaView; `size` is that of what it shows.
+def _series(
+    result: Result, flow: FlowField | None, realisation: int | None
+) -> Iterator[tuple[str, str, Iterator[tuple[float, pyvista.DataSet]]]]:
+    """Name, suffix and meshes of each series that shows a result."""
+    if result.layout == "particles":
+        check_realisation(result, realisation)
+        yield "particles", ".vtp", particle_points(result, realisation)
+        yield "ellipses", ".vtp", particle_ellipses(result, realisation or 0)
+        yield "histogram", ".vti", histogram_images(result, HISTOGRAM_CELLS)
+    else:
+        yield "fields", ".vti", grid_images(result, flow)
 
-    It is the file of this package, with the folder, the length of lines and the colours of axes filled in.
+
+def write_script(folder: Path, size: float, plane: CasePlane) -> Path:
+    """The script that opens the folder in ParaView; `size` is that of what it shows, in a plane.
+
+    It is the file of this package, with the folder, the length of lines, the colours of axes and the plane
+    filled in.
     """
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33)
     points = np.column_stack((angles, axis_colours(angles))).round(4).ravel().tolist()
+    normal, up = plane.facing()
     values = {
         "FOLDER": repr(str(folder.absolute())),
         "LINE": repr(size / LINES_ACROSS),
         "AXIS_COLOURS": repr(points),
+        "NORMAL": repr(normal.tolist()),
+        "UP": repr(up.tolist()),
     }
     text = Path(__file__).with_name(SCRIPT).read_text("utf-8")
     for name, value in values.items():

@@ -17,11 +17,14 @@ from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.flow.stream_values import psi_coefficients
 from ellipsoid_coupling.geometry.even_points import even_points
 from ellipsoid_coupling.geometry.orientation import as_axis
-from ellipsoid_coupling.models.from_scene import scene_walls
+from ellipsoid_coupling.geometry.patches import is_outlined
+from ellipsoid_coupling.interaction.walls import GhostParticles
+from ellipsoid_coupling.models.from_scene import flow_edges, scene_ghosts, scene_walls
 from ellipsoid_coupling.output.outlines import square_outlines
 from ellipsoid_coupling.output.paraview.fields import HIDDEN_CELL, cell_image
 from ellipsoid_coupling.output.paraview.particles import glyph_arrays, points, polygons
-from ellipsoid_coupling.output.paraview.series import save_mesh, save_series, vectors
+from ellipsoid_coupling.output.paraview.placed import placed
+from ellipsoid_coupling.output.paraview.series import save_mesh, save_together, vectors
 from ellipsoid_coupling.physics.bspline import spline_weights
 from ellipsoid_coupling.physics.potential import potential_shape
 from ellipsoid_coupling.result import Result
@@ -47,8 +50,9 @@ def export_flow(
         flow_ghost_cells.vtp     the wall's velocity continued to the ghost cells beyond, as squares
         walls.vtp                where the fluid ends: lines, with the number of their patch
 
-    Ghosts only for scenes with walls on the sides of the domain, and walls.vtp for flows of a case. Of a
-    flow that changes each is a series, flow.pvd and so on, with the flow (and the particles) as of each
+    Ghosts only for scenes with [walls], ghost cells only where these are sides of the domain (patches that
+    bound the fluid have none), and walls.vtp for flows of a case, in whose plane all of it lies. Of a flow
+    that changes each is a series, flow.pvd and so on, with the flow (and the particles) as of each
     saved time, or of the scene's without a result. `inside` is 1 where a point lies in the flow; ghosts
     take the velocity of the nearest point of the flow's rectangle. With velocity stands `speed`.
 
@@ -69,18 +73,11 @@ def export_flow(
         If the domain is not a whole number of the scene's cells.
     """
     times = list(scene.times if result is None else result.times)
-    first = flow.at(times[0] if times else 0.0)
-    if first is flow:
+    if flow.at(times[0] if times else 0.0) is flow:
         meshes = _meshes(flow, scene, result, 0)
         return [save_mesh(mesh, folder / name) for name, mesh in meshes.items()]
-    paths = []
-    for name in _meshes(first, scene, result, 0):
-        stem, _, suffix = name.partition(".")
-        at_times = (
-            (time, _meshes(flow.at(time), scene, result, k)[name]) for k, time in enumerate(times)
-        )
-        paths.append(save_series(at_times, folder, stem, f".{suffix}"))
-    return paths
+    at_times = ((time, _meshes(flow.at(time), scene, result, k)) for k, time in enumerate(times))
+    return save_together(at_times, folder)
 
 
 def _meshes(
@@ -92,22 +89,32 @@ def _meshes(
         "flow_particles.vtp": flow_at_particles(flow, scene, result, time),
         "flow_cells.vti": flow_at_cells(flow, scene),
     }
-    shape = potential_shape(scene.particles.length, scene.particles.width)
-    walls = scene_walls(scene, shape) if scene.wall_sides else None
-    if walls is not None:
-        size = (scene.particles.length, scene.particles.width)
-        ghosts = walls.ghost_particles()
-        arrays = glyph_arrays(ghosts.angle, size)
-        arrays |= _flow_arrays(flow.continued(ghosts.x, ghosts.y))
-        meshes["flow_ghost_particles.vtp"] = points(ghosts.x, ghosts.y, arrays)
-        cells = walls.ghost_cells(scene.numerics.cell)
-        arrays = {"density": cells.density, "angle": as_axis(cells.angle)}
-        arrays |= _flow_arrays(flow.continued(cells.x, cells.y))
-        squares = square_outlines(cells.x, cells.y, scene.numerics.cell)
-        meshes["flow_ghost_cells.vtp"] = polygons(squares, arrays)
+    ghosts = None if scene.walls is None else scene_ghosts(scene, flow_edges(scene, flow))
+    if ghosts is not None:
+        meshes["flow_ghost_particles.vtp"] = flow_at_ghosts(flow, scene, ghosts)
+    if ghosts is not None and not is_outlined(scene, flow):
+        meshes["flow_ghost_cells.vtp"] = flow_at_ghost_cells(flow, scene)
     if flow.outline is not None:
         meshes["walls.vtp"] = outline_lines(flow.outline)
-    return meshes
+    return {name: placed(mesh, flow.plane) for name, mesh in meshes.items()}
+
+
+def flow_at_ghosts(flow: FlowField, scene: Scene, ghosts: GhostParticles) -> pyvista.PolyData:
+    """Velocity of the walls at the ghost particles on them."""
+    size = (scene.particles.length, scene.particles.width)
+    arrays = glyph_arrays(ghosts.angle, size)
+    arrays |= _flow_arrays(flow.continued(ghosts.x, ghosts.y))
+    return points(ghosts.x, ghosts.y, arrays)
+
+
+def flow_at_ghost_cells(flow: FlowField, scene: Scene) -> pyvista.PolyData:
+    """The walls' velocity continued to the ghost cells beyond the domain, as squares."""
+    walls = scene_walls(scene, potential_shape(scene.particles.length, scene.particles.width))
+    assert walls is not None
+    cells = walls.ghost_cells(scene.numerics.cell)
+    arrays = {"density": cells.density, "angle": as_axis(cells.angle)}
+    arrays |= _flow_arrays(flow.continued(cells.x, cells.y))
+    return polygons(square_outlines(cells.x, cells.y, scene.numerics.cell), arrays)
 
 
 def outline_lines(outline: Outline) -> pyvista.PolyData:

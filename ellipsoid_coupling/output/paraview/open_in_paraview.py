@@ -15,6 +15,9 @@ FOLDER = "."
 LINE = 0.1
 # Colours of axes: angle in radian, red, green, blue, and so on.
 AXIS_COLOURS = [-1.5707963267948966, 1.0, 0.5, 0.0, 1.5707963267948966, 1.0, 0.5, 0.0]
+# Towards the eye, and up for it: across the plane of the files, and along its second axis.
+NORMAL = [0.0, 0.0, 1.0]
+UP = [0.0, 1.0, 0.0]
 # So many lines at most.
 LINES = 1500
 
@@ -60,7 +63,7 @@ def show(
     display = simple.Show(source, view)
     # Plane images are shown as slices otherwise, which have one place for all layers.
     display.Representation = "Surface"
-    display.Position = [0.0, 0.0, layer * LINE]
+    display.Position = [layer * LINE * part for part in NORMAL]
     for name, value in (look or {}).items():
         setattr(display, name, value)
     if array is None:
@@ -136,9 +139,11 @@ def main() -> None:
         show(walls, WALLS, "CELLS", None, look)
     view = simple.GetActiveViewOrCreate("RenderView")
     view.InteractionMode = "2D"
+    view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = [0.0, 0.0, 0.0], NORMAL, UP
     scene = simple.GetAnimationScene()
     scene.UpdateAnimationUsingDataTimeSteps()
     scene.GoToLast()
+    # From where it looks to all of it, in the same direction.
     simple.ResetCamera(view)
     simple.Render(view)
 

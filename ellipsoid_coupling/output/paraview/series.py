@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -40,13 +40,27 @@ def save_series(
     -------
     Path of the .pvd, which is written last and so never names a file that is not there.
     """
-    entries = []
-    for index, (time, mesh) in enumerate(meshes):
-        # ParaView shows this number when a file is opened without its series.
-        mesh.field_data["TimeValue"] = np.array([time])
-        path = save_mesh(mesh, folder / f"{name}_{index:04d}{suffix}")
-        entries.append((float(time), path.name))
-    return write_pvd(entries, folder / f"{name}.pvd")
+    together = ((time, {f"{name}{suffix}": mesh}) for time, mesh in meshes)
+    paths = save_together(together, folder)
+    return paths[0] if paths else write_pvd([], folder / f"{name}.pvd")
+
+
+def save_together(
+    meshes: Iterable[tuple[float, Mapping[str, pyvista.DataSet]]], folder: Path
+) -> list[Path]:
+    """`save_series` of several series at once, by their names with suffix: ``fields.vti``.
+
+    meshes : of (time, meshes by name), taken one by one
+    """
+    entries: dict[str, list[tuple[float, str]]] = {}
+    for index, (time, by_name) in enumerate(meshes):
+        for name, mesh in by_name.items():
+            stem, _, suffix = name.partition(".")
+            # ParaView shows this number when a file is opened without its series.
+            mesh.field_data["TimeValue"] = np.array([time])
+            path = save_mesh(mesh, folder / f"{stem}_{index:04d}.{suffix}")
+            entries.setdefault(stem, []).append((float(time), path.name))
+    return [write_pvd(files, folder / f"{stem}.pvd") for stem, files in entries.items()]
 
 
 def write_pvd(entries: Iterable[tuple[float, str]], path: Path) -> Path:

@@ -169,11 +169,14 @@ def test_a_damaged_time_is_named(case: Path) -> None:
     refused(case, When("all", until=1.0), r"0\.75/U")
 
 
-def test_a_time_s_folder_and_foamtovtk_s_are_refused(solved: Path) -> None:
+def test_a_time_s_folder_is_refused(solved: Path) -> None:
     refused(solved / "0.5", When("all", until=1.0), "the folder of the case, found its time 0.5")
+
+
+def test_foamtovtk_s_folder_of_one_time_is_refused() -> None:
     vtk = DATA / "cavity_16" / "VTK"
-    for folder in (vtk, next(vtk.iterdir())):
-        refused(folder, When("all", until=1.0), "what foamToVTK made of it")
+    refused(vtk, When("all", until=1.0), r"U at several times, found 3\.95")
+    refused(vtk / "cavity_16_79", When("all", until=1.0), "folder of all times, found one of its")
 
 
 def test_a_time_that_is_too_far_off_is_named(case: Path) -> None:

@@ -24,6 +24,8 @@ HISTOGRAM_CELLS = 60
 SCRIPT = "open_in_paraview.py"
 # Lines of mean axes along the longer side of the domain.
 LINES_ACROSS = 40
+# Of densities: above it they share one colour.
+PERCENTILE = 99.5
 
 
 def export(
@@ -91,20 +93,23 @@ def export(
         save_series(grid_images(result, flow), folder, "fields", ".vti")
     if flow is not None:
         export_flow(flow, result.scene, folder, result)
-    write_script(folder, max(result.scene.domain.width, result.scene.domain.height))
+    write_script(folder, result)
     return folder
 
 
-def write_script(folder: Path, size: float) -> Path:
-    """The script that opens the folder in ParaView; `size` is that of what it shows.
+def write_script(folder: Path, result: Result) -> Path:
+    """The script that opens the folder in ParaView.
 
-    It is the file of this package, with the folder, the length of lines and the colours of axes filled in.
+    It is the file of this package, with the folder, the length of lines, the end of the densities' colours
+    and the colours of axes filled in.
     """
+    domain = result.scene.domain
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33)
     points = np.column_stack((angles, axis_colours(angles))).round(4).ravel().tolist()
     values = {
         "FOLDER": repr(str(folder.absolute())),
-        "LINE": repr(size / LINES_ACROSS),
+        "LINE": repr(max(domain.width, domain.height) / LINES_ACROSS),
+        "DENSITY": repr(density_scale(result)),
         "AXIS_COLOURS": repr(points),
     }
     text = Path(__file__).with_name(SCRIPT).read_text("utf-8")
@@ -115,3 +120,15 @@ def write_script(folder: Path, size: float) -> Path:
     with whole_file(folder / SCRIPT) as beside:
         beside.write_text(text, encoding="utf-8")
     return folder / SCRIPT
+
+
+def density_scale(result: Result) -> float:
+    """Where the colours of densities end: at the 99.5th percentile over all cells and saved times.
+
+    A few cells at a caustic would otherwise take all of the colours.
+    """
+    cells = result.layout != "particles"
+    density = result.cell_density() if cells else result.density(HISTOGRAM_CELLS)
+    if not density.size:
+        return 1.0
+    return float(np.percentile(density, PERCENTILE) or density.max()) or 1.0

@@ -20,10 +20,10 @@ DENSITY = 1.0
 AXIS_COLOURS = [-1.5707963267948966, 1.0, 0.5, 0.0, 1.5707963267948966, 1.0, 0.5, 0.0]
 # From nothing to the largest speed and the largest density; the latter from clear to dense.
 SPEED_COLOURS = [0.0, 1.0, 1.0, 1.0, 1.0, 0.6, 0.75, 0.95]
-DENSITY_COLOURS = [0.0, 0.85, 0.85, 0.85, DENSITY, 0.25, 0.25, 0.25]
+DENSITY_COLOURS = [0.0, 0.9, 0.9, 0.9, DENSITY, 0.45, 0.45, 0.45]
 DENSITY_OPACITY = [0.0, 0.0, 0.5, 0.0, 0.05 * DENSITY, 0.5, 0.5, 0.0, DENSITY, 1.0, 0.5, 0.0]
-# So many lines at most.
-LINES = 1500
+# So many lines at most, and none where the density is below this part.
+LINES, THIN = 1500, 0.02
 GREY, BLACK = [0.6, 0.6, 0.6], [0.0, 0.0, 0.0]
 TITLES = {"angle": "angle of the axis, rad", "density": "density", "speed": "speed of the fluid"}
 # Lower ends of the bars that explain colours, in parts of the window.
@@ -128,7 +128,14 @@ def show_axes(source: object, layer: float) -> object:
     """Lines without head along the mean axes of cells, as long as S says; returns their display."""
     from paraview import simple
 
-    centres = simple.CellCenters(Input=source)
+    # The axis of nearly nothing is chance, and would be a line as long as any.
+    filled = simple.Threshold(Input=source, Scalars=["CELLS", "density"])
+    if hasattr(filled, "LowerThreshold"):
+        filled.LowerThreshold, filled.UpperThreshold = THIN * DENSITY, float("inf")
+    else:
+        filled.ThresholdRange = [THIN * DENSITY, float("inf")]  # up to ParaView 5.9
+    simple.RenameSource("filled cells", filled)
+    centres = simple.CellCenters(Input=filled)
     centres.VertexCells = 1
     simple.RenameSource("centres of cells", centres)
     glyph = simple.Glyph(Input=centres, GlyphType="Line")

@@ -68,6 +68,8 @@ def screen() -> Iterator[dict[str, str]]:
     assert XVFB is not None
     read, write = os.pipe()
     command = [XVFB, "-displayfd", str(write), "-screen", "0", "800x600x24", "-nolisten", "tcp"]
+    # Nor does it start anew when ParaView closes its first window.
+    command.append("-noreset")
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         os.close(write)
         try:

@@ -59,6 +59,10 @@ class Recorder:
         self.glyphs.append(glyph)
         return glyph
 
+    def Threshold(self, Input: Any, Scalars: list[str]) -> Any:
+        assert Scalars[1] in Input.data.cell_data
+        return SimpleNamespace(made_of=Input, data=Input.data, LowerThreshold=0.0)
+
     def CellCenters(self, Input: Any) -> Any:
         centres = Input.data.cell_centers()
         return SimpleNamespace(made_of=Input, data=centres)
@@ -175,7 +179,7 @@ def test_fields_have_lines_along_their_mean_axes(
     kind: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = opened(export(request.getfixturevalue(kind), tmp_path), monkeypatch)
-    assert recorder.names == ["fields", "centres of cells", "mean axes"]
+    assert recorder.names == ["fields", "filled cells", "centres of cells", "mean axes"]
     check_arrays(recorder)
     (lines,) = recorder.glyphs
     assert lines.GlyphType.name == "Line"

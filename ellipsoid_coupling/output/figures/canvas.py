@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,12 +25,19 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.writing import whole_file
-from ellipsoid_coupling.output.figures.style import DOTS_PER_INCH, LETTERS_PER_INCH, SETTINGS
+from ellipsoid_coupling.output.figures.style import (
+    DOTS_PER_INCH,
+    LABEL_LETTERS_PER_INCH,
+    LETTERS_PER_INCH,
+    SETTINGS,
+)
 from ellipsoid_coupling.output.labels import literal
 
 P = ParamSpec("P")
 # More would leave no room for the panels.
 _MOST_TITLE_LINES = 5
+# Inch, above and below panels, into which the label of a bar beside them may reach.
+ABOVE = 0.5
 # Small print: its size in points, the height of a line and of the rim in inch, letters in an inch.
 _SMALL_LETTERS, _SMALL_LINE, _STRIP_RIM, _SMALL_LETTERS_PER_INCH = 6.5, 0.115, 0.1, 18
 Extent = tuple[float, float, float, float]
@@ -97,6 +105,14 @@ def wrapped(figure: Figure, title: str) -> str:
     if len(lines) > _MOST_TITLE_LINES:
         lines = [*lines[: _MOST_TITLE_LINES - 1], "..."]
     return literal("\n".join(lines))
+
+
+def fitted(lines: Sequence[str], room: float) -> str:
+    """A label in lines of so many inch at most: beside flat panels its ends are cut off otherwise."""
+    if math.isinf(room):
+        return "\n".join(lines)
+    width = max(8, int(LABEL_LETTERS_PER_INCH * room))
+    return "\n".join(part for line in lines for part in textwrap.wrap(line, width))
 
 
 def add_details(figure: Figure, lines: Sequence[str]) -> None:

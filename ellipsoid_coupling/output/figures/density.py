@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -17,9 +18,11 @@ from scipy.ndimage import gaussian_filter
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.outline import Outline
 from ellipsoid_coupling.output.figures.canvas import (
+    ABOVE,
     Extent,
     add_details,
     add_title,
+    fitted,
     new_figure,
     panel_grid,
     require,
@@ -157,12 +160,14 @@ def density_figure(
         layout="compressed",
     )
     axes = panel_grid(figure, len(rows), len(times), sharex=True, sharey=True)
+    room = (height + 0.13) * len(rows) + ABOVE
     columns = [np.arange(len(times))] if scale == "figure" else np.arange(len(times))[:, None]
     for column in columns:
         shown = [(row, times[j], axes[i, j]) for j in column for i, row in enumerate(rows)]
         images = _draw_panels(shown, maximum, power, colours)
         if images:
-            add_density_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
+            beside = axes[:, column].ravel().tolist()
+            add_density_bar(figure, images, beside, scale, maximum, room)
     for label, first in zip(labels, axes[:, 0], strict=True):
         first.set_ylabel(f"{label}\n\ny")
     for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):
@@ -217,8 +222,12 @@ def add_density_bar(
     beside: list[Axes],
     scale: Scale = "figure",
     maximum: float | None = None,
+    room: float = math.inf,
 ) -> None:
-    """The colour bar of density images of one scale: unit, largest value, and where the colours end."""
+    """The colour bar of density images of one scale: unit, largest value, and where the colours end.
+
+    room : inch, for the length of its label
+    """
     top = images[0].get_clim()[1]
     largest = max(float(np.max(np.asarray(image.get_array()))) for image in images)
     parts = ["density per unit of area", f"largest {largest:.3g}"]
@@ -235,7 +244,7 @@ def add_density_bar(
         pad=0.02,
         aspect=40 if scale == "figure" else 20,
     )
-    bar.set_label("\n".join(parts))
+    bar.set_label(fitted(parts, room if scale == "figure" else math.inf))
 
 
 def draw_density(

@@ -19,6 +19,7 @@ from ellipsoid_coupling.geometry.orientation import Complexes, Shape, mean_axis
 from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures.angle_bar import add_angle_bar
 from ellipsoid_coupling.output.figures.canvas import (
+    ABOVE,
     Extent,
     add_details,
     add_title,
@@ -125,7 +126,7 @@ def director_figure(rows: Sequence[AxisRow], kind: Kind = "lines", title: str = 
     # One bar a side: the layout has no room for a second one.
     add_angle_bar(figure, everywhere, "bottom")
     if images:
-        add_density_bar(figure, images, everywhere)
+        add_density_bar(figure, images, everywhere, room=(height + 0.13) * len(rows) + ABOVE)
     add_title(figure, title)
     add_details(figure, [_explanation(kind), *(row.density.details for row in rows)])
     return figure

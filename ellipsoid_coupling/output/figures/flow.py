@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.inside import in_fluid
 from ellipsoid_coupling.output.figures.canvas import (
+    ABOVE,
     Extent,
+    fitted,
     new_figure,
     save_figure,
     show_domain,
@@ -94,9 +96,8 @@ def flow_figure(flow: FlowField, extent: Extent, title: str = "") -> Figure:
     arrows = add_arrows(axes, flow, extent)
     add_walls(axes, flow.outline, extent)
     bar = figure.colorbar(arrows, ax=axes)
-    bar.set_label(
-        f"speed, linear; largest arrow {arrows.norm.vmax:.3g}\nthe lengths of arrows differ less"
-    )
+    told = f"speed, linear; largest arrow {arrows.norm.vmax:.3g}"
+    bar.set_label(fitted((told, "the lengths of arrows differ less"), height + ABOVE))
     axes.set(xlabel="x", ylabel="y", title=wrapped(figure, title))
     return figure
 

@@ -16,6 +16,8 @@ PANEL = 2.2
 DOTS_PER_INCH = 150
 # Letters in an inch of a figure's title, with a margin for wide letters.
 LETTERS_PER_INCH = 10
+# And of a label, which is smaller.
+LABEL_LETTERS_PER_INCH = 13
 
 # Width in inch of a legend's entry with the longest label.
 LEGEND_ENTRY = 2.6

@@ -158,6 +158,8 @@ def build() -> None:
     ghosts, particles, walls = opened("flow_ghost_particles"), opened("particles"), opened("walls")
     simple.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     simple.GetAnimationScene().GoToLast()
+    if not any((flow, fields, particles)):
+        print(f"No files of an export in {FOLDER}: name their folder as FOLDER in this script.")
     if flow is not None:
         colour_by(show(flow, FLOW), "POINTS", "speed")
     if fields is not None:

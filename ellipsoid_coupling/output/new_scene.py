@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Iterator
 from contextlib import suppress
@@ -26,6 +27,8 @@ from ellipsoid_coupling.scenes.sides import SIDES, known_kinds
 _ONE_WAY = 0.05
 # Of the largest speed: what passes a side that is a wall.
 _TIGHT = 5e-3
+# Of the flow's speed and shear: what noise adds to velocities, where it is switched on.
+_NOISE = 0.1
 
 
 def scene_of_case(
@@ -57,7 +60,7 @@ def scene_text(c: Choices, field: FlowField, case: str, viscosity: float | None 
     boundaries = _sides(c, field) if field.outline is None else _boundaries(c, field.outline)
     parts = (
         _head(c, field.origin), _domain(c, field.plane), _particles(c), _start(c),
-        _flow(c, case, viscosity, field), boundaries, _numerics(c), _MORE,
+        _flow(c, case, viscosity, field), boundaries, _numerics(c), _more(c),
     )  # fmt: skip
     return "\n".join("\n".join(part) + "\n" for part in parts if part)
 
@@ -87,8 +90,10 @@ def _head(c: Choices, origin: str) -> list[str]:
         "# Made by `ellipsoid new` from this flow; everything below may be changed:",
         f"# {readable(origin)}",
         f"# Its speed: {speed}; its largest rate of shear: {c.scales.shear:.3g}.",
+        "# Lengths and times are in the units of the case, angles in radian.",
         _line("name", c.name),
         _line("times", list(c.times), f"saved; the fluid passes the box in about {c.once:.2g}"),
+        '# units = "SI"  # for a case in metres and seconds: results then say so',
     ]
 
 
@@ -211,7 +216,7 @@ def _opening(c: Choices, name: str, told: str, inflow: float, outflow: float) ->
         return [head, _line("kind", "remove", f"{told}; {both}")]
     (left, right), (low, high) = c.start
     density = float(f"{1.0 / ((right - left) * (high - low)):.6g}")
-    dense = "of what comes in: that of the start, whose mass is 1"
+    dense = "of what comes in, per area: that of the start, whose mass is 1"
     inlet = [_line("kind", "inlet", f"{told}; {both}"), _line("density", density, dense)]
     if "inlet" in known_kinds():
         return ['# With kind = "remove" and without density nothing comes in.', head, *inlet]
@@ -226,14 +231,25 @@ def _numerics(c: Choices) -> list[str]:
     ]
 
 
-_MORE = [
-    "# Further terms: what is not named is not computed. Take the # away to switch one on.",
-    "# [interaction]",
-    "# strength = 1.0  # eps0 of the pair potential",
-    "# [noise]",
-    "# noise = 0.1  # A",
-    "# angular_noise = 0.1  # B",
-]
+def _more(c: Choices) -> list[str]:
+    """Terms to switch on, with numbers that go with the flow, however small the particles are."""
+    strength = c.rates.mass * c.scales.typical**2
+    noise, speed = _kicks(c.scales.typical, c.rates.drag)
+    angular_noise, turning = _kicks(c.scales.shear, c.rates.angular_drag)
+    return [
+        "# Further terms: what is not named is not computed. Take the # away to switch one on.",
+        "# [interaction]",
+        f"# strength = {strength:.2g}  # eps0 of the pair potential, mass length^2/time^2: here m U^2",
+        "# [noise]",
+        f"# noise = {noise:.2g}  # A, time^(-1/2): each component of v then has an rms of {speed:.2g}",
+        f"# angular_noise = {angular_noise:.2g}  # B, likewise: omega has an rms of {turning:.2g}",
+    ]
+
+
+def _kicks(scale: float, drag: float) -> tuple[float, float]:
+    """A for velocities of about a tenth of a scale, and their rms, A over (2 drag + A^2)^(1/2)."""
+    noise = _NOISE * scale * math.sqrt(2.0 * drag)
+    return noise, noise / math.sqrt(2.0 * drag + noise**2)
 
 
 def next_commands(scene: Path, case: Path) -> Iterator[str]:

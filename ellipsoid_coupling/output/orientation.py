@@ -42,11 +42,11 @@ def axis_moment(result: Result, time: int, shape: Shape) -> Complexes:
 
 
 def order_series(result: Result) -> OrderSeries:
-    """The order parameter S = |<e^{2 i theta}>| of all that moves, at the saved times; 0 of nothing.
+    """The order parameter S = |<e^{2 i theta}>| of all that moves, at the saved times; NaN of nothing.
 
     The error is that of the jackknife: how S spreads where one realisation after the other is left out.
     """
-    order = np.nan_to_num(result.order_parameter())
+    order = result.order_parameter()
     if result.layout != "particles" or result.variables["angle"].shape[1] < 2:
         return OrderSeries(order, np.zeros(order.shape))
     angle, frozen = result.variables["angle"], result.frozen

@@ -78,22 +78,28 @@ def drawn_outline(scene: Scene, flow: FlowField | None) -> Outline:
     )
 
 
-def outline_loops(outline: Outline) -> list[Floats]:
-    """The corners (n, 2) of each closed line of an outline, the fluid on the left of the way."""
+def joined(ends: Floats) -> list[Floats]:
+    """Edges (E, 2, 2) as lines of corners (n, 2), joined where one stops and another one starts.
+
+    A closed line returns to its first corner.
+    """
     # Ends of edges that meet may differ by rounding.
-    size = 1e-9 * float(np.abs(outline.ends).max(initial=1e-300))
-    rounded = np.round(outline.ends / size).astype(np.int64)
-    beginning: dict[tuple[int, int], list[int]] = {}
-    for e in reversed(range(len(rounded))):
-        beginning.setdefault((int(rounded[e, 0, 0]), int(rounded[e, 0, 1])), []).append(e)
-    taken, loops = np.zeros(len(rounded), np.bool_), []
-    for start in range(len(rounded)):
-        e, corners = start, []
+    size = 1e-9 * float(np.abs(ends).max(initial=1e-300))
+    rounded = np.round(ends / size).astype(np.int64).tolist()
+    corners = [(tuple(start), tuple(stop)) for start, stop in rounded]
+    beginning: dict[tuple[int, ...], list[int]] = {}
+    for e in reversed(range(len(corners))):
+        beginning.setdefault(corners[e][0], []).append(e)
+    stops = {stop for _, stop in corners}
+    taken, lines = np.zeros(len(corners), np.bool_), []
+    # Open lines from their first corner, where no edge stops; those that are left are closed.
+    for start in sorted(range(len(corners)), key=lambda edge: corners[edge][0] in stops):
+        e, line = start, []
         while e >= 0 and not taken[e]:
             taken[e] = True
-            corners.append(outline.ends[e, 0])
-            going_on = beginning.get((int(rounded[e, 1, 0]), int(rounded[e, 1, 1])), [])
+            line.append(e)
+            going_on = beginning.get(corners[e][1], [])
             e = next((f for f in going_on if not taken[f]), -1)
-        if corners:
-            loops.append(np.array(corners))
-    return loops
+        if line:
+            lines.append(np.vstack((ends[line, 0], ends[line[-1], 1])))
+    return lines

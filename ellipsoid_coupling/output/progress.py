@@ -132,7 +132,7 @@ class ProgressReporter:
         self.console = Console(stderr=True)
         self._clock = clock
         self._began = self._stage_began = self._last_line = clock()
-        self._stage, self._part = what, 0.0
+        self._stage, self._part, self._stage_part = what, 0.0, 0.0
         self._compiling, self._compiled = 0, 0
         self._bar: Progress | None = None
         self._task: TaskID | None = None
@@ -174,7 +174,7 @@ class ProgressReporter:
         with self._lock:
             new, self._part = stage != self._stage, part
             if new:
-                self._stage, self._stage_began = stage, self._clock()
+                self._stage, self._stage_began, self._stage_part = stage, self._clock(), part
             if self._bar is not None and self._task is not None:
                 if new:
                     self._bar.reset(self._task, description=stage)
@@ -209,10 +209,12 @@ class ProgressReporter:
     def _line(self) -> None:
         now = self._clock()
         self._last_line = now
-        spent, part = now - self._stage_began, self._part
+        spent, done = now - self._stage_began, self._part - self._stage_part
         if self._compiling > 0:
             line = f"{self._status()}, {now - self._began:.0f} s"
         else:
-            left = f", {spent * (1.0 - part) / part:.0f} s left" if 0.0 < part < 1.0 else ""
-            line = f"{self._status()}: {100 * part:.0f} %{left}"
+            # A stage may begin with a part done: its speed is that of what it adds.
+            known = done > 0.0 and self._part < 1.0
+            left = f", {spent * (1.0 - self._part) / done:.0f} s left" if known else ""
+            line = f"{self._status()}: {100 * self._part:.0f} %{left}"
         _write(line)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -127,6 +128,26 @@ def test_a_case_is_read_with_its_viscosity(
         assert scene.name == case
     # Nothing is written without --out.
     assert not list(tmp_path.iterdir())
+
+
+def test_what_stands_behind_a_number_sign_can_be_switched_on() -> None:
+    """Units, interaction and noise; what the noise is said to do is its stationary state, to two digits."""
+    head, further = text_of(channel(), 1e-3).split("# Further terms")
+    head = head.replace("# units", "units")
+    lines = [line.removeprefix("# ") for line in further.splitlines()[1:]]
+    scene = loaded("\n".join([head, *lines]))
+    assert scene.units == "SI"
+    assert scene.flow is not None
+    assert scene.noise is not None
+    assert scene.interaction is not None
+    assert scene.interaction.strength == pytest.approx(scene.particles.mass * 8.0 / 15.0, rel=0.1)
+    told = [float(re.findall(r"rms of ([\d.e+-]+)", line)[0]) for line in lines if "rms" in line]
+    pairs = (
+        (scene.noise.noise, scene.flow.drag),
+        (scene.noise.angular_noise, scene.flow.angular_drag),
+    )
+    for rms, (noise, drag) in zip(told, pairs, strict=True):
+        assert rms == pytest.approx(noise / np.sqrt(2.0 * drag + noise**2), rel=0.02)
 
 
 def test_reynolds_numbers_beyond_stokes_are_told() -> None:

@@ -10,6 +10,7 @@ from ellipsoid_coupling.output.outlines import (
     CORNERS,
     drawn_outline,
     ellipse_outlines,
+    joined,
     square_outlines,
 )
 from ellipsoid_coupling.scenes import load_scene
@@ -54,3 +55,25 @@ def test_without_a_case_the_sides_of_the_domain_bound_the_fluid(boundary: str, k
     assert set(outline.names) == {"left", "right", "bottom", "top"}
     area = scene.domain.width * scene.domain.height
     assert enclosed_area(outline.ends) == pytest.approx(area, rel=1e-14)
+
+
+def test_edges_in_any_order_become_lines() -> None:
+    """A closed square, and an open way of three edges that begins where no edge stops."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
+    way = np.array([[5.0, 5.0], [6.0, 5.0], [6.0, 6.0], [7.0, 6.0]])
+    edges = np.concatenate([np.stack((line[:-1], line[1:]), axis=1) for line in (square, way)])
+    shuffled = edges[np.random.default_rng(3).permutation(len(edges))]
+    first, second = joined(shuffled)
+    np.testing.assert_array_equal(first, way)
+    np.testing.assert_array_equal(second[0], second[-1])
+    assert {tuple(corner) for corner in second.tolist()} == {tuple(c) for c in square.tolist()}
+    sides = np.diff(second, axis=0)
+    assert enclosed_area(np.stack((second[:-1], second[1:]), axis=1)) == 1.0
+    np.testing.assert_array_equal(np.hypot(*sides.T), 1.0)
+    assert joined(np.empty((0, 2, 2))) == []
+
+
+def test_lines_meet_where_corners_differ_by_rounding() -> None:
+    ends = np.array([[[0.0, 0.0], [1.0, 0.0]], [[1.0 + 1e-15, 0.0], [1.0, 1.0]]])
+    (line,) = joined(ends)
+    np.testing.assert_allclose(line, [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], atol=1e-14)

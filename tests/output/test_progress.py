@@ -118,7 +118,7 @@ def test_stages_are_told_at_their_start_and_end(clock: Clock, lines: Lines) -> N
         report("one", 0.5)
         report("one", 1.0)
         report("two", 0.25)
-    assert lines() == ["run: 0 %", "one: 0 %", "one: 100 %", "two: 25 %, 0 s left"]
+    assert lines() == ["run: 0 %", "one: 0 %", "one: 100 %", "two: 25 %"]
 
 
 def test_the_time_left_is_that_of_the_stage(clock: Clock, lines: Lines) -> None:
@@ -128,6 +128,17 @@ def test_the_time_left_is_that_of_the_stage(clock: Clock, lines: Lines) -> None:
         clock.now += 30.0
         report("stage", 0.75)
     assert lines()[-1] == "stage: 75 %, 10 s left"
+
+
+def test_a_stage_that_begins_later_tells_its_own_speed(clock: Clock, lines: Lines) -> None:
+    """From 50 to 60 % in 20 s: 80 s for the other 40 %, and nothing is known at its beginning."""
+    with ProgressReporter("run", clock) as report:
+        clock.now += 100.0
+        report("second", 0.5)
+        assert lines()[-1] == "second: 50 %"
+        clock.now += 20.0
+        report("second", 0.6)
+    assert lines()[-1] == "second: 60 %, 80 s left"
 
 
 def test_a_command_that_loads_says_so_after_a_while(clock: Clock, lines: Lines) -> None:

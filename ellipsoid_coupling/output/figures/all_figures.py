@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,7 +72,7 @@ def draw_all(
     folder : made where it is missing
     flow : that of all results, or one a result; drawn for scenes that have a fluid
     look : of the densities
-    report : called with what is drawn and the part that is done
+    report : called after each figure with what is drawn and the part that is done
     """
     flows = flow if isinstance(flow, Sequence) else [flow] * len(results)
     scenes: dict[tuple[str, Domain], Group] = {}
@@ -87,9 +87,11 @@ def draw_all(
             group.flows.append(own if result.scene.flow else None)
     paths = []
     for number, group in enumerate(scenes.values()):
-        if report is not None:
-            report(f"figures of {group.name}", number / len(scenes))
-        paths += _draw_scene(group, folder, look)
+        count = _count(group)
+        for drawn, path in enumerate(_draw_scene(group, folder, look), 1):
+            paths.append(path)
+            if report is not None:
+                report(f"figures of {group.name}", (number + drawn / count) / len(scenes))
     return paths + _draw_comparisons(list(scenes.values()), folder, look)
 
 
@@ -99,36 +101,39 @@ def _free_name(name: str, taken: set[str]) -> str:
     return next(free for free in names if free not in taken)
 
 
-def _draw_scene(group: Group, folder: Path, look: Look) -> list[Path]:
+def _count(group: Group) -> int:
+    """How many figures a group has: five, one more for each flow and for each particle result."""
+    flows = len(_distinct(group.flows))
+    return 5 + flows + sum(result.layout == "particles" for result in group.results)
+
+
+def _draw_scene(group: Group, folder: Path, look: Look) -> Iterator[Path]:
+    """The figures, one after the other."""
     results, scene = group.results, group.results[0].scene
     title = scene.title or scene.name
-    paths = _draw_flows(group, folder, title)
+    yield from _draw_flows(group, folder, title)
 
     def path(kind: str) -> Path:
         return folder / f"{kind}_{group.name}.png"
 
     rows = density_rows(results, flow=group.flows)
-    drawn = draw_density(rows, path("density"), scale=look.scale, title=title, colours=look.colours)
+    yield draw_density(rows, path("density"), scale=look.scale, title=title, colours=look.colours)
     axes = axis_rows(results, group.flows)
-    paths += [
-        drawn,
-        draw_angles(results, path("angles"), title=title),
-        draw_directors(axes, path("directors"), title=title),
-        draw_directors(axes, path("axes"), kind="colours", title=title),
-        draw_order(results, path("order"), title=title),
-    ]
+    yield draw_angles(results, path("angles"), title=title)
+    yield draw_directors(axes, path("directors"), title=title)
+    yield draw_directors(axes, path("axes"), kind="colours", title=title)
+    yield draw_order(results, path("order"), title=title)
     for label, result, flow in zip(result_labels(results), results, group.flows, strict=True):
         if result.layout == "particles":
             picture = folder / f"ellipses_{group.name}_{_file_name(label)}.png"
-            paths.append(draw_ellipses(result, picture, flow=flow, title=title))
-    return paths
+            yield draw_ellipses(result, picture, flow=flow, title=title)
 
 
 def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:
     """Each flow of the group once; where there are several, their titles tell them apart."""
     scene = group.results[0].scene
     extent = (*scene.domain.x, *scene.domain.y)
-    flows = list({flow.digest: flow for flow in group.flows if flow is not None}.values())
+    flows = _distinct(group.flows)
     paths = []
     for number, flow in enumerate(flows, 1):
         name = f"flow_{group.name}" + (f"_{number}" if number > 1 else "")
@@ -139,6 +144,10 @@ def _draw_flows(group: Group, folder: Path, title: str) -> list[Path]:
             above = f"{above}\nat {time_title(time)}".strip()
         paths.append(draw_flow(now, extent, folder / f"{name}.png", title=above))
     return paths
+
+
+def _distinct(flows: Sequence[FlowField | None]) -> list[FlowField]:
+    return list({flow.digest: flow for flow in flows if flow is not None}.values())
 
 
 def _file_name(label: str) -> str:

@@ -163,7 +163,8 @@ def density_figure(
         shown = [(row, times[j], axes[i, j]) for j in column for i, row in enumerate(rows)]
         images = _draw_panels(shown, maximum, power, colours)
         if images:
-            add_density_bar(figure, images, axes[:, column].ravel().tolist(), scale, maximum)
+            beside_bar = axes[:, column].ravel().tolist()
+            add_density_bar(figure, images, beside_bar, scale, maximum)
     for i, first in enumerate(axes[:, 0]):
         beside.add(i, first)
     for time, top, bottom in zip(times, axes[0], axes[-1], strict=True):

@@ -48,6 +48,16 @@ def thinned(number: int, most: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(np.int64))
 
 
+def come_by_the_end(result: Result, realisation: int) -> NDArray[np.int64]:
+    """The particles of a realisation that are in the flow, or have been, by the last saved time.
+
+    The others of a result's particles are those that an inlet was still to feed in.
+    """
+    if result.unborn is None:
+        return np.arange(result.variables["x"].shape[2])
+    return np.flatnonzero(~result.unborn[-1, realisation])
+
+
 @styled
 def ellipse_figure(
     result: Result,
@@ -62,7 +72,8 @@ def ellipse_figure(
     extent = (*result.scene.domain.x, *result.scene.domain.y) if extent is None else extent
     figure, axes = _panels(extent, result.times.size)
     number = result.variables["x"].shape[2]
-    chosen = thinned(number, most)
+    come = come_by_the_end(result, realisation)
+    chosen = come[thinned(come.size, most)]
     arrows = WIDE_ARROWS if _is_wide(extent) else ARROWS
     particles, width = result.scene.particles, WIDE_PANEL if _is_wide(extent) else PANEL_WIDTH
     times = enlargement(particles.length, extent, width)
@@ -83,13 +94,14 @@ def ellipse_figure(
         note = f"\n{left.sum()} have left the flow (outlines)" if left.any() else ""
         panel.set(title=f"{time_title(time)}{note}")
     add_angle_bar(figure, list(axes))
-    part = f"{chosen.size} of " if chosen.size < number else ""
+    part = f"{chosen.size} of " if chosen.size < come.size else ""
     count = result.variables["x"].shape[1]
     whose = f", realisation {realisation} of {count}" if count > 1 else ""
     started = result.attributes.get("particles_at_start")
-    came_in = 0 if started is None else number - int(started)
+    # Those of all realisations, alike in each.
+    came_in = 0 if started is None else come.size - int(started) // count
     inlet = f", {came_in} of them from inlets" if came_in > 0 else ""
-    told = f"{part}{number} particles{inlet}{whose}{enlarged(times)}"
+    told = f"{part}{come.size} particles{inlet}{whose}{enlarged(times)}"
     add_title(figure, f"{title}\n{told}".strip())
     add_details(figure, run_details([result]))
     return figure

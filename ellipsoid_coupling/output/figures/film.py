@@ -23,23 +23,31 @@ from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.files.limits import MOST_GIF_FRAMES
 from ellipsoid_coupling.files.writing import whole_file
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.geometry.orientation import phase_of
+from ellipsoid_coupling.geometry.orientation import as_axis, mean_axis
+from ellipsoid_coupling.output.colours import axis_colours
+from ellipsoid_coupling.output.figures.angle_bar import add_angle_bar
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
     new_figure,
     settings,
     show_domain,
+    show_multiples_of_pi,
     time_title,
     wrapped,
 )
 from ellipsoid_coupling.output.figures.density import common_maximum
-from ellipsoid_coupling.output.figures.ellipses import enlarged, enlargement, thinned
+from ellipsoid_coupling.output.figures.ellipses import (
+    come_by_the_end,
+    enlarged,
+    enlargement,
+    thinned,
+)
 from ellipsoid_coupling.output.figures.flow import add_arrows
-from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, line_style
+from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, axis_map
 from ellipsoid_coupling.output.figures.walls import add_walls
 from ellipsoid_coupling.output.labels import literal, model_name
 from ellipsoid_coupling.output.orientation import axis_moment
-from ellipsoid_coupling.output.outlines import ellipse_outlines
+from ellipsoid_coupling.output.outlines import drawn_outline, ellipse_outlines
 from ellipsoid_coupling.result import Result
 
 Floats = NDArray[np.float64]
@@ -54,8 +62,6 @@ MOST_PARTICLES = 2000
 _ARROWS = 20
 # Thin density beside the dense part of the start: colours go with its root.
 _POWER = 0.5
-# Colours of the angle are those of a circle, as a main axis looks the same after half a turn.
-_ANGLE_COLOURS = "twilight"
 # Of the largest density: the angle of less is not shown.
 _LEAST_DENSITY = 1e-3
 
@@ -91,15 +97,15 @@ def draw_film(
 ) -> int:
     """Write a film, a frame a saved time, and return how many frames it has.
 
-    Particles are ellipses to scale over the flow and its walls, those of the first realisation; outlines
-    stand where particles have left the flow. Of grids one panel shows the density, with one scale of
-    colours for all times, and one the main axis, of q its mean direction.
+    Particles are ellipses to scale in the colours of their axes, over the flow and its walls, those of the
+    first realisation; outlines stand where particles have left the flow. Of grids one panel shows the
+    density, with one scale of colours for all times, and one the mean axis, in its colour.
 
     Parameters
     ----------
     result : with a saved time
     path : .mp4, for which an ffmpeg is needed, or .gif
-    flow : that of the run; without it neither arrows nor walls are drawn
+    flow : that of the run; without it there are no arrows, and the sides of the domain are drawn
     frames_per_second : above 0
     report : called with the stage and its finished part
 
@@ -192,30 +198,27 @@ class _ParticleFilm:
 
     def __init__(self, result: Result, flow: FlowField | None) -> None:
         self._result, self._flow = result, flow
-        self.figure = new_figure(_WIDTH, _height(result, _WIDTH - 1.0, 1.2), layout="compressed")
+        self.figure = new_figure(_WIDTH, _height(result, _WIDTH - 1.6, 1.2), layout="compressed")
         self._axes = self.figure.add_subplot()
         show_domain(self._axes, _extent(result))
         self._axes.set(xlabel="x", ylabel="y")
-        number = result.variables["x"].shape[2]
-        self._chosen = thinned(number, MOST_PARTICLES)
-        part = f"{self._chosen.size} of " if self._chosen.size < number else ""
+        come = come_by_the_end(result, 0)
+        self._chosen = come[thinned(come.size, MOST_PARTICLES)]
+        part = f"{self._chosen.size} of " if self._chosen.size < come.size else ""
         title = result.scene.title or result.scene.name
         particles = result.scene.particles
         times = enlargement(particles.length, _extent(result), _WIDTH - 1.0)
         self._size = times * particles.length, times * particles.width
-        told = f"{part}{number} particles{enlarged(times)}"
+        told = f"{part}{come.size} particles{enlarged(times)}"
         self._title = f"{title}\n{model_name(result.model)}, {told}"
-        style = line_style(result.model)
-        self._inside = PolyCollection(
-            [], facecolors=style.colour, edgecolors="black", linewidths=0.3, alpha=0.7
-        )
+        self._inside = PolyCollection([], edgecolors="black", linewidths=0.3, alpha=0.8)
         self._left = PolyCollection([], facecolors="none", edgecolors="0.4", linewidths=0.6)
         for ellipses in (self._inside, self._left):
             self._axes.add_collection(ellipses, autolim=False)
         self._arrows: Quiver | None = None
         self._shown: FlowField | None = None
-        if flow is not None:
-            add_walls(self._axes, flow.outline, _extent(result))
+        add_walls(self._axes, drawn_outline(result.scene, flow), _extent(result))
+        add_angle_bar(self.figure, [self._axes])
 
     def show(self, k: int) -> None:
         result = self._result
@@ -224,13 +227,14 @@ class _ParticleFilm:
         gone, unborn = (
             none if flags is None else flags[k, 0] for flags in (result.frozen, result.unborn)
         )
-        self._inside.set_verts(self._outlines(k, ~gone))
-        self._left.set_verts(self._outlines(k, gone & ~unborn))
+        inside, left = (self._chosen[flags[self._chosen]] for flags in (~gone, gone & ~unborn))
+        self._inside.set_verts(self._outlines(k, inside))
+        self._inside.set_facecolor(axis_colours(as_axis(result.variables["angle"][k, 0][inside])))
+        self._left.set_verts(self._outlines(k, left))
         self._show_flow(time)
         self._axes.set_title(f"{wrapped(self.figure, self._title)}\n{time_title(time)}")
 
-    def _outlines(self, k: int, flags: NDArray[np.bool_]) -> list[Floats]:
-        chosen = self._chosen[flags[self._chosen]]
+    def _outlines(self, k: int, chosen: NDArray[np.int64]) -> list[Floats]:
         x, y, angle = (self._result.variables[name][k, 0][chosen] for name in ("x", "y", "angle"))
         return list(ellipse_outlines(x, y, angle, self._size))
 
@@ -249,7 +253,7 @@ class _ParticleFilm:
 
 
 class _GridFilm:
-    """The density, and the direction of the main axis where there is mass."""
+    """The density, and the mean axis where there is mass."""
 
     def __init__(self, result: Result, flow: FlowField | None) -> None:
         self._result, self._density = result, result.cell_density()
@@ -264,40 +268,32 @@ class _GridFilm:
         empty = np.zeros(self._density.shape[1:])
         looks = (
             {"cmap": DENSITY_COLOURS, "norm": PowerNorm(_POWER, vmin=0.0, vmax=top)},
-            {"cmap": _ANGLE_COLOURS, "vmin": 0.0, "vmax": np.pi},
+            {"cmap": axis_map(), "vmin": -0.5 * np.pi, "vmax": 0.5 * np.pi},
         )
+        labels = ("density", "mean axis in rad, modulo $\\pi$")
         self._images = []
-        for axes, look, label in zip(panels, looks, ("density", "main axis, rad"), strict=True):
+        for axes, look, label in zip(panels, looks, labels, strict=True):
             show_domain(axes, extent)
             image = axes.imshow(
                 empty, origin="lower", extent=extent, interpolation="nearest", **look
             )
-            add_walls(axes, None if flow is None else flow.outline, extent)
+            add_walls(axes, drawn_outline(result.scene, flow), extent)
             axes.set(xlabel="x", title=label)
             beyond = label == "density" and self._density.max() > top
             bar = self.figure.colorbar(
                 image, ax=axes, location="bottom", aspect=30, extend="max" if beyond else "neither"
             )
             self._images.append(image)
-        bar.set_ticks([0.0, 0.5 * np.pi, np.pi], labels=["0", r"$\pi/2$", r"$\pi$"])
+        show_multiples_of_pi(bar.ax.xaxis, 0.25)
         panels[1].set_facecolor("0.95")
         panels[0].set_ylabel("y")
         self._title = f"{result.scene.title or result.scene.name}\n{model_name(result.model)}"
 
     def show(self, k: int) -> None:
         density = self._density[k]
-        axis = main_axis(self._result, k)
+        axis = mean_axis(axis_moment(self._result, k, (density.shape[0], density.shape[1])))
         thin = density <= _LEAST_DENSITY * density.max()
         self._images[0].set_data(density)
         self._images[1].set_data(np.ma.masked_array(axis, thin))
         time = time_title(float(self._result.times[k]))
         self.figure.suptitle(f"{wrapped(self.figure, self._title)}, {literal(time)}")
-
-
-def main_axis(result: Result, k: int) -> Floats:
-    """The direction of the main axis in each cell at saved time k, in [0, pi), (ny, nx).
-
-    Half the argument of the mean of exp(2 i theta), 0 where there is no mass.
-    """
-    rows, columns = result.variables["density"].shape[-2:]
-    return phase_of(axis_moment(result, k, (rows, columns)), 2)

@@ -31,6 +31,8 @@ HISTOGRAM_CELLS = 60
 SCRIPT = "open_in_paraview.py"
 # Lines of mean axes along the longer side of the domain.
 LINES_ACROSS = 40
+# Of densities: above it they share one colour.
+PERCENTILE = 99.5
 
 
 def export(
@@ -94,7 +96,7 @@ def export(
         save_series(placed_series(meshes, plane), folder, name, suffix)
     if flow is not None:
         export_flow(flow, result.scene, folder, result)
-    write_script(folder, max(result.scene.domain.width, result.scene.domain.height), plane)
+    write_script(folder, result, plane)
     return folder
 
 
@@ -111,18 +113,20 @@ def _series(
         yield "fields", ".vti", grid_images(result, flow)
 
 
-def write_script(folder: Path, size: float, plane: CasePlane) -> Path:
-    """The script that opens the folder in ParaView; `size` is that of what it shows, in a plane.
+def write_script(folder: Path, result: Result, plane: CasePlane) -> Path:
+    """The script that opens the folder in ParaView.
 
-    It is the file of this package, with the folder, the length of lines, the colours of axes and the plane
-    filled in.
+    It is the file of this package, with the folder, the length of lines, the end of the densities' colours,
+    the colours of axes and the plane filled in.
     """
+    domain = result.scene.domain
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33)
     points = np.column_stack((angles, axis_colours(angles))).round(4).ravel().tolist()
     normal, up = plane.facing()
     values = {
         "FOLDER": repr(str(folder.absolute())),
-        "LINE": repr(size / LINES_ACROSS),
+        "LINE": repr(max(domain.width, domain.height) / LINES_ACROSS),
+        "DENSITY": repr(density_scale(result)),
         "AXIS_COLOURS": repr(points),
         "NORMAL": repr(normal.tolist()),
         "UP": repr(up.tolist()),
@@ -135,3 +139,15 @@ def write_script(folder: Path, size: float, plane: CasePlane) -> Path:
     with whole_file(folder / SCRIPT) as beside:
         beside.write_text(text, encoding="utf-8")
     return folder / SCRIPT
+
+
+def density_scale(result: Result) -> float:
+    """Where the colours of densities end: at the 99.5th percentile over all cells and saved times.
+
+    A few cells at a caustic would otherwise take all of the colours.
+    """
+    cells = result.layout != "particles"
+    density = result.cell_density() if cells else result.density(HISTOGRAM_CELLS)
+    if not density.size:
+        return 1.0
+    return float(np.percentile(density, PERCENTILE) or density.max()) or 1.0

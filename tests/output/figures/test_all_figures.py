@@ -22,7 +22,14 @@ FIGURES = "ellipsoid_coupling.output.figures.all_figures"
 def test_draws_what_applies(
     particle_result: Result, rho_result: Result, lid_flow: FlowField, tmp_path: Path
 ) -> None:
-    paths = draw_all([particle_result, rho_result], tmp_path / "figures", lid_flow)
+    told: list[float] = []
+    paths = draw_all(
+        [particle_result, rho_result],
+        tmp_path / "figures",
+        lid_flow,
+        report=lambda _stage, part: told.append(part),
+    )
+    assert told == [number / 7 for number in range(1, 8)]
     assert [path.name for path in paths] == [
         "flow_cavity.png",
         "density_cavity.png",

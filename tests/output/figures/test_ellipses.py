@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures import draw_ellipses
 from ellipsoid_coupling.output.figures.ellipses import ellipse_figure, thinned
-from ellipsoid_coupling.result import FROZEN, Result
+from ellipsoid_coupling.result import FATE, FROZEN, Result
 
 
 def test_ellipses_of_the_realisation_at_each_time(
@@ -74,6 +75,25 @@ def test_title_says_how_many_are_shown(particle_result: Result) -> None:
         "Cavity\n12 of 30 particles, realisation 0 of 3"
     )
     assert ellipse_figure(particle_result).get_suptitle() == "30 particles, realisation 0 of 3"
+
+
+def test_particles_that_an_inlet_was_still_to_feed_in_are_not_counted(
+    particle_result: Result,
+) -> None:
+    """20 start in each of three realisations; of ten more, four have come in by the last time."""
+    fate: Any = np.zeros((2, 3, 30), np.int32)  # the one variable of whole numbers
+    fate[0, :, 20:], fate[1, :, 24:] = -1, -1
+    result = replace(
+        particle_result,
+        variables=particle_result.variables | {FATE: fate},
+        attributes=particle_result.attributes | {"particles_at_start": 60.0},
+    )
+    assert ellipse_figure(result, most=12).get_suptitle() == (
+        "12 of 24 particles, 4 of them from inlets, realisation 0 of 3"
+    )
+    for axes, wanted in zip(ellipse_figure(result).axes[:2], (20, 24), strict=True):
+        filled = next(c for c in axes.collections if isinstance(c, PolyCollection))
+        assert len(filled.get_paths()) == wanted
 
 
 @pytest.mark.parametrize(("number", "most"), [(1000, 200), (7, 200), (1, 5), (10, 9)])

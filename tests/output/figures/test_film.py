@@ -14,8 +14,9 @@ from PIL import Image
 
 from ellipsoid_coupling.errors import InputError, RunError
 from ellipsoid_coupling.flow import FlowField, FlowSeries
+from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures import film
-from ellipsoid_coupling.output.figures.film import draw_film, find_ffmpeg, main_axis
+from ellipsoid_coupling.output.figures.film import draw_film, find_ffmpeg
 from ellipsoid_coupling.result import Result
 
 FFMPEG = find_ffmpeg()
@@ -79,15 +80,31 @@ def test_who_has_left_is_an_outline_and_who_has_not_come_is_nothing(
     assert len(shown._inside.get_paths()) == 30
 
 
-def test_the_main_axis_of_cells(q_result: Result, rho_result: Result) -> None:
-    """Half at 330 degrees and half at 0: 345, which is 165 after half a turn; to rounding."""
-    axis, there = main_axis(q_result, 0), q_result.cell_density()[0] > 0.0
-    np.testing.assert_allclose(axis[there], np.deg2rad(165.0), atol=1e-12)
-    angle = main_axis(rho_result, 1)
-    assert ((angle >= 0.0) & (angle <= np.pi)).all()
+def test_cells_show_their_mean_axis(q_result: Result, rho_result: Result) -> None:
+    """Half at 330 degrees and half at 0: -15 degrees, modulo half a turn; to rounding."""
+
+    def axes_shown(result: Result, k: int) -> np.ma.MaskedArray[Any, Any]:
+        shown = film._GridFilm(result, None)
+        shown.show(k)
+        return np.ma.asarray(shown._images[1].get_array())
+
+    axis, there = axes_shown(q_result, 0), q_result.cell_density()[0] > 0.0
+    np.testing.assert_array_equal(np.ma.getmaskarray(axis), ~there)
+    np.testing.assert_allclose(axis[there], np.deg2rad(-15.0), atol=1e-12)
+    axis = axes_shown(rho_result, 1)
     there = rho_result.variables["density"][1] > 0.0
     told = rho_result.variables["mean_angle"][1][there]
-    np.testing.assert_allclose(np.exp(2j * angle[there]), np.exp(2j * told), atol=1e-12)
+    np.testing.assert_allclose(np.exp(2j * axis[there]), np.exp(2j * told), atol=1e-12)
+
+
+def test_ellipses_have_the_colours_of_their_axes(particle_result: Result) -> None:
+    """As in `draw_ellipses`; to rounding."""
+    shown = film._ParticleFilm(particle_result, None)
+    for k in range(2):
+        shown.show(k)
+        faces = np.asarray(shown._inside.get_facecolor())[:, :3]
+        angle = particle_result.variables["angle"][k, 0]
+        np.testing.assert_allclose(faces, axis_colours(angle), atol=1e-9)
 
 
 def test_the_flow_is_drawn_anew_only_where_it_changes(

@@ -47,3 +47,13 @@ def test_file_even_where_there_is_no_flow(
     lid_flow: FlowField, extent: tuple[float, float, float, float], tmp_path: Path
 ) -> None:
     assert draw_flow(lid_flow, extent, tmp_path / "flow.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("height", [0.3, 1.5])
+def test_the_label_of_the_speed_is_within_the_picture(height: float) -> None:
+    """Also beside a flat panel; in pixels."""
+    figure = flow_figure(analytic_flow("rotation"), (0.0, 3.0, 0.0, height), "a title")
+    figure.draw_without_rendering()
+    box = figure.axes[1].yaxis.label.get_window_extent()
+    assert figure.bbox.y0 <= box.y0
+    assert box.y1 <= figure.bbox.y1

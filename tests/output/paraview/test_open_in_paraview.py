@@ -1,7 +1,7 @@
 """The script that opens an export in ParaView, run with a stand-in that records what it asks for.
 
-ParaView is not installed here. The stand-in checks what can go wrong without it: files that are not
-there, and arrays that their data do not have.
+For where ParaView is not installed: it shows files that are not there, and arrays that their data do not
+have. test_in_paraview.py opens exports in ParaView itself.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ class Recorder:
         self.shown: list[tuple[Any, Any]] = []
         self.coloured: list[tuple[Any, Any]] = []
         self.tables: dict[str, Any] = {}
-        self.view = SimpleNamespace()
+        self.opacities: dict[str, Any] = {}
+        self.hidden: list[str] = []
+        self.view = SimpleNamespace(
+            CameraParallelScale=1.0,
+            CameraPosition=[0.5, 0.5, 3.0],
+            CameraFocalPoint=[0.5, 0.5, 0.0],
+        )
         self.scene = SimpleNamespace(
             UpdateAnimationUsingDataTimeSteps=lambda: None, GoToLast=lambda: None
         )
@@ -53,12 +59,21 @@ class Recorder:
         self.glyphs.append(glyph)
         return glyph
 
+    def Threshold(self, Input: Any, Scalars: list[str]) -> Any:
+        assert Scalars[1] in Input.data.cell_data
+        return SimpleNamespace(made_of=Input, data=Input.data, LowerThreshold=0.0)
+
     def CellCenters(self, Input: Any) -> Any:
         centres = Input.data.cell_centers()
         return SimpleNamespace(made_of=Input, data=centres)
 
+    def LoadPalette(self, name: str) -> None: ...
+
     def GetActiveViewOrCreate(self, kind: str) -> Any:
         self.view.kind = kind
+        return self.view
+
+    def GetActiveView(self) -> Any:
         return self.view
 
     def GetAnimationScene(self) -> Any:
@@ -74,11 +89,26 @@ class Recorder:
         self.shown.append((source, display))
         return display
 
+    def AnnotateTime(self) -> Any:
+        return SimpleNamespace(made_of="the view")
+
+    def Hide(self, source: Any) -> None:
+        self.hidden.append(source.name)
+
     def ColorBy(self, display: Any, what: tuple[str, str] | None) -> None:
         self.coloured.append((display.source, what))
 
     def GetColorTransferFunction(self, array: str) -> Any:
-        return self.tables.setdefault(array, SimpleNamespace(ApplyPreset=lambda *_: None))
+        return self.tables.setdefault(array, SimpleNamespace())
+
+    def GetOpacityTransferFunction(self, array: str) -> Any:
+        return self.opacities.setdefault(array, SimpleNamespace())
+
+    def GetScalarBar(self, table: Any, view: Any) -> Any:
+        assert table in self.tables.values()
+        assert view is self.view
+        places = SimpleNamespace(GetAvailable=lambda: ["Lower Right Corner", "Any Location"])
+        return SimpleNamespace(GetProperty=lambda _: places, RangeLabelFormat="%-#6.1e")
 
     def ResetCamera(self, view: Any) -> None: ...
 
@@ -136,8 +166,12 @@ def test_particles_become_ellipses_over_flow_and_walls(
     assert {tuple(map(float, row)) for row in spheres[-1].data.point_data["scale"]} == {
         (0.05, 0.025, 0.025)
     }
-    layers = [display.Position[2] for _, display in recorder.shown]
+    layers = [
+        display.Position[2] for source, display in recorder.shown if source.made_of != "the view"
+    ]
     assert len(set(layers)) == len(layers)
+    # What is seen at first are the ellipses.
+    assert recorder.hidden == ["histogram"]
 
 
 @pytest.mark.parametrize("kind", ["rho_result", "q_result"])
@@ -145,7 +179,7 @@ def test_fields_have_lines_along_their_mean_axes(
     kind: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = opened(export(request.getfixturevalue(kind), tmp_path), monkeypatch)
-    assert recorder.names == ["fields", "mean axes"]
+    assert recorder.names == ["fields", "filled cells", "centres of cells", "mean axes"]
     check_arrays(recorder)
     (lines,) = recorder.glyphs
     assert lines.GlyphType.name == "Line"
@@ -159,6 +193,16 @@ def test_colours_of_axes_are_those_of_the_figures(
     angles, colours = table.reshape(-1, 4)[:, 0], table.reshape(-1, 4)[:, 1:]
     np.testing.assert_allclose(colours, axis_colours(angles), atol=1e-3)
     np.testing.assert_allclose(angles[[0, -1]], [-0.5 * np.pi, 0.5 * np.pi], atol=1e-4)
+
+
+def test_colours_of_densities_are_those_of_all_times(
+    rho_result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They end at the 99.5th percentile, above which a cell in two hundred lies."""
+    table = opened(export(rho_result, tmp_path), monkeypatch).tables["density"]
+    wanted = np.percentile(rho_result.variables["density"], 99.5)
+    assert (table.RGBPoints[0], table.RGBPoints[4]) == (0.0, pytest.approx(wanted))
+    assert 0.0 < wanted < 7.0
 
 
 def test_a_folder_that_was_moved_still_opens(

@@ -5,7 +5,7 @@
 Runs the paper's scenes with the models that it shows, with its own scheme, cells and steps (`paper`) and
 with the package's (`accurate`), and `mckean_vlasov` beside them. Leaves figures and `index.html` in one
 folder. A statement that does not reproduce is reported as such, with the number that decides it; one with
-two parts is judged in two. `--quick` shows within a minute that all of it works: its verdicts mean nothing.
+two parts is judged in two. `--quick` is tiny and shows that all of it works: its verdicts mean nothing.
 """
 
 from __future__ import annotations

@@ -19,12 +19,6 @@ from ..conftest import small_scene
 FIGURES = "ellipsoid_coupling.output.figures.all_figures"
 
 
-@pytest.fixture(autouse=True)
-def _few_dots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures of few dots are drawn faster; nothing here looks at a dot."""
-    monkeypatch.setattr("ellipsoid_coupling.output.figures.canvas.DOTS_PER_INCH", 40)
-
-
 def test_draws_what_applies(
     particle_result: Result, rho_result: Result, lid_flow: FlowField, tmp_path: Path
 ) -> None:

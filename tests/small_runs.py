@@ -1,6 +1,6 @@
 """Every model with both schemes on few particles and cells, for tests that compare runs of processes.
 
-python -m tests.small_runs FILE     keeps all variables, called "run variable", in an .npz file
+python -m tests.small_runs FILE [whole]   keeps all variables, called "run variable", in an .npz file
 """
 
 from __future__ import annotations
@@ -30,30 +30,52 @@ _SMALL: dict[str, Any] = {
     "numerics.angle_cells": 6,
     "times": [0.2],
 }
-# The same with a fluid and walls instead of noise, which the Maxwellian closure needs.
-_WALLS: dict[str, Any] = {
+_FLUID: dict[str, Any] = {
     "noise": None,
-    "domain.boundary": "reflecting",
-    "walls": {},
+    "outer_potential": None,
+    "angular_potential": None,
     "flow": {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0},
+}
+# The trap; a fluid instead, in which all still interact; and walls around it. The Maxwellian closure
+# needs the noise.
+_PARTS: dict[str, dict[str, Any]] = {
+    "trap": {},
+    "fluid": _FLUID,
+    "walls": _FLUID | {"domain.boundary": "reflecting", "walls": {}},
+}
+# What is run unless the whole is asked for: each model and scheme in a part whose kernels other tests
+# need as well (main job, the paper's page, stability map), because compiling takes nearly all the time.
+_FEW: dict[tuple[str, str], tuple[str, ...]] = {
+    ("microscopic", "paper"): ("walls",),
+    ("microscopic", "accurate"): ("trap", "walls"),
+    ("mckean_vlasov", "paper"): ("fluid",),
+    ("mckean_vlasov", "accurate"): ("walls",),
+    ("q_maxwellian", "paper"): ("trap",),
+    ("q_maxwellian", "accurate"): ("trap",),
+    ("q_mono_kinetic", "paper"): ("trap",),
+    ("q_mono_kinetic", "accurate"): ("walls",),
+    ("rho_mono_kinetic", "paper"): ("walls",),
+    ("rho_mono_kinetic", "accurate"): ("walls",),
+    ("diffusive", "paper"): ("fluid",),
+    ("diffusive", "accurate"): ("walls",),
 }
 
 
-def small_runs(models: Iterable[str]) -> Iterator[tuple[str, ec.Result]]:
-    """Each run's name, (model, scheme, with or without walls), and its result."""
+def small_runs(models: Iterable[str], *, whole: bool = False) -> Iterator[tuple[str, ec.Result]]:
+    """Each run's name, (model, scheme, part), and its result; `whole` : all parts of each."""
     for model in models:
         for scheme in SCHEMES:
-            for part, settings in (("trap", {}), ("walls", _WALLS)):
-                if (model, part) != ("q_maxwellian", "walls"):
-                    scene = ec.load_scene("stationary", _SMALL | settings)
+            for part in _PARTS if whole else _FEW[model, scheme]:
+                if part == "trap" or model != "q_maxwellian":
+                    scene = ec.load_scene("stationary", _SMALL | _PARTS[part])
                     yield f"{model} {scheme} {part}", ec.simulate(scene, model, scheme, seed=1)
 
 
-def small_variables() -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
+def small_variables(*, whole: bool = False) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     """All variables of all runs, called "run variable"."""
     return {
         f"{run} {name}": values
-        for run, result in small_runs(MODELS)
+        for run, result in small_runs(MODELS, whole=whole)
         for name, values in result.variables.items()
     }
 
@@ -61,4 +83,4 @@ def small_variables() -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
 if __name__ == "__main__":
     # Kernels divide by zero where the result is not used.
     with np.errstate(all="ignore"):
-        np.savez(sys.argv[1], **small_variables())  # type: ignore[arg-type]
+        np.savez(sys.argv[1], **small_variables(whole="whole" in sys.argv[2:]))  # type: ignore[arg-type]

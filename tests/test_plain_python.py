@@ -20,14 +20,18 @@ MORE = {"q_mono_kinetic paper": 5e-8, "diffusive accurate": 1e-10}
 
 
 @pytest.mark.plain
-def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path) -> None:
-    """Every model and scheme, in a trap with noise or with fluid and walls, to rounding."""
+@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.heavy)])
+def test_kernels_and_plain_python_give_the_same_results(tmp_path: Path, whole: bool) -> None:
+    """Every model and scheme with noise, with a fluid or with walls, to rounding; `whole`: with each.
+
+    Must catch a kernel that does not compute what its Python says, and lines that plain Python cannot run.
+    """
     file = tmp_path / "plain.npz"
-    command = [sys.executable, "-m", "tests.small_runs", str(file)]
+    command = [sys.executable, "-m", "tests.small_runs", str(file), *["whole"][: int(whole)]]
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     top = Path(__file__).parents[1]
     subprocess.run(command, cwd=top, env=environment, check=True, timeout=600.0)
-    compiled = small_variables()
+    compiled = small_variables(whole=whole)
     with np.load(file) as plain:
         assert set(plain) == set(compiled)
         for name, values in compiled.items():

@@ -176,7 +176,8 @@ def _samples_row(sizes: Sizes) -> Row:
 
 def _flight_row(sizes: Sizes) -> Row:
     """Samples without interaction: whole steps within a run."""
-    scene = load_scene("cavity_free", {"flow.cells": 32, "particles.number": 1000})
+    cells = {"flow.cells": min(sizes.flow_cells, 32)}
+    scene = load_scene("cavity_free", cells | {"particles.number": 1000})
     flow, terms = scene_flow(scene), terms_of(scene)
     each = []
     for count in sizes.samples[:3]:
@@ -194,10 +195,11 @@ def _flight_row(sizes: Sizes) -> Row:
 
 
 def _cavity_row(sizes: Sizes) -> Row:
-    scene = load_scene("cavity_free", {"numerics.cell": sizes.cavity_cell, "flow.cells": 64})
+    cells = {"flow.cells": sizes.flow_cells, "particles.realisations": sizes.realisations}
+    scene = load_scene("cavity_free", cells | {"numerics.cell": sizes.cavity_cell})
     flow = scene_flow(scene)
-    reference = exact_reference(scene, flow)
-    points = load_scene("cavity_free", {"numerics.tolerance": 1e-2, "flow.cells": 64})
+    reference = exact_reference(scene, flow, sizes.exact_side)
+    points = load_scene("cavity_free", cells | {"numerics.tolerance": 1e-2})
     found = {}
     for name, changed, model, scheme in (
         ("paper", scene, "rho_mono_kinetic", "paper"),

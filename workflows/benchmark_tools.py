@@ -52,13 +52,17 @@ class Sizes:
     scene_times: tuple[float, ...] = (0.3, 0.5, 0.9)
     cavity_cell: float = 0.005
     start: bool = True
+    flow_cells: int = 64
+    exact_side: int = 256
 
     @classmethod
     def quick(cls) -> Self:
         """Seconds instead of minutes."""
         return cls(
-            1, 1, 100, 4, (1000, 2000), (1000, 2000), 16, 8, 24, 10**5, 0.1, (0.1,), 0.05, False
-        )
+            repeats=1, pairs=1, particles=100, realisations=4, clouds=(1000, 2000), samples=(1000, 2000),
+            q_cells=16, angles=8, rho_cells=24, memory=10**5, scene_cell=0.1, scene_times=(0.1,),
+            cavity_cell=0.05, start=False, flow_cells=16, exact_side=64,
+        )  # fmt: skip
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:

@@ -10,6 +10,7 @@ runs the wall's two ghost densities, and leaves everything in one folder.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Sequence
@@ -56,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     settings: dict[str, Any] = {} if options.full else dict(SMALL)
     for text in options.set:
         key, _, value = text.partition("=")
-        settings[key] = float(value) if "." in value else int(value)
+        settings[key] = json.loads(value)
     started = time.perf_counter()
     folder = options.out or Path("results") / time.strftime("cavity-%Y%m%d-%H%M%S")
     folder.mkdir(parents=True, exist_ok=True)

@@ -130,7 +130,9 @@ class Page:
             f"<figcaption>{html.escape(caption)}</figcaption></figure>"
             for name, caption in self.pictures
         )
-        size = "small ensembles and wide cells" if self.quick else "the paper's resolutions"
+        size = (
+            "tiny sizes, whose verdicts mean nothing" if self.quick else "the paper's resolutions"
+        )
         minutes = (time.perf_counter() - self.started) / 60.0
         running = sum(float(run[4]) for run in self.runs if run[4]) / 60.0
         text = (

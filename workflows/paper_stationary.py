@@ -6,6 +6,7 @@ The microscopic model with `accurate`, the q-equation with the paper's scheme as
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,28 @@ from ellipsoid_coupling.output.figures.decay import RateCurve
 
 Floats = NDArray[np.float64]
 
-AMPLITUDES = (0.0, 0.2, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
+
+class Sizes(NamedTuple):
+    """How large the runs are.
+
+    amplitudes : A = B, of the decay
+    scene : settings of every run
+    saved : times of a decay
+    longest, compared, late : end times of a decay, with and without interaction, with large noise
+    """
+
+    amplitudes: tuple[float, ...]
+    scene: dict[str, Any]
+    saved: int
+    longest: float
+    compared: float
+    late: float
+
+
+FULL = Sizes((0.0, 0.2, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0), {}, 40, 40.0, 6.0, 30.0)
+# Seconds instead of minutes; the verdicts mean nothing.
+_TINY = {"particles.realisations": 2, "particles.number": 60, "numerics.cell": 0.8}
+QUICK = Sizes((0.2, 5.0), _TINY, 8, 2.0, 1.0, 2.0)
 # Curves of the figures: title, model, scheme.
 CURVES: tuple[tuple[str, str, SchemeName], ...] = (
     ("microscopic", "microscopic", "accurate"),
@@ -32,7 +54,6 @@ JUDGED = {"paper": CURVES[2][0], "accurate": CURVES[1][0]}
 LITTLE = 0.2
 # "Holds" and "fails": the error, as a part of the density itself, both in L2.
 HOLDS, FAILS = 0.2, 0.5
-LONGEST = 40.0
 BINS = 30
 LARGE = 5.0
 
@@ -77,17 +98,16 @@ def rises(curve: DecayCurve, floor: float) -> int:
 
 def stationary(page: Page) -> None:
     """Statements 1 and 8."""
-    realisations = 16 if page.quick else 128
-    longest = 10.0 if page.quick else LONGEST
+    sizes = QUICK if page.quick else FULL
     curves: dict[str, list[DecayCurve]] = {title: [] for title, _, _ in CURVES}
     reference = simulate(load_scene("stationary", {"times": [1.0]}), "stationary_state")
     page.tell_run(reference)
     target = reference.density(BINS)[-1]
-    for amplitude in AMPLITUDES:
-        times = np.linspace(0.0, run_length(amplitude, longest), 41)[1:]
-        settings = {"times": [float(t) for t in times], "particles.realisations": realisations}
+    for amplitude in sizes.amplitudes:
+        times = np.linspace(0.0, run_length(amplitude, sizes.longest), sizes.saved + 1)[1:]
         noise = {"noise": amplitude, "angular_noise": amplitude}
-        scene = load_scene("stationary", settings | {"noise": noise})
+        changes = {"times": [float(t) for t in times], "noise": noise}
+        scene = load_scene("stationary", sizes.scene | changes)
         for title, model, scheme in CURVES:
             try:
                 result = simulate(scene, model, scheme, report=page.report)
@@ -96,16 +116,18 @@ def stationary(page: Page) -> None:
                 continue
             page.tell_run(result)
             curves[title].append(DecayCurve(amplitude, result.times, distances(result, target)))
+    particles = scene.particles
     floors = {
         # A hundredth of the start's distance: the fall that the page follows.
         title: 0.01 * float(max(curve.distance.max() for curve in curves[title]))
         for title in JUDGED.values()
-    } | {"microscopic": 3.0 * _sampling_floor(target, 200 * realisations)}
+    } | {"microscopic": 3.0 * _sampling_floor(target, particles.number * particles.realisations)}
     _figures(page, curves, floors)
     for judged, title in JUDGED.items():
-        _judge_decay(page, judged, curves[title], floors[title])
-    _judge_interaction(page, target)
-    _judge_large_noise(page, target)
+        whole = len(curves[title]) == len(sizes.amplitudes)
+        _judge_decay(page, (judged, whole), curves[title], floors[title])
+    _judge_interaction(page, sizes, target)
+    _judge_large_noise(page, sizes, target)
 
 
 def _sampling_floor(density: Floats, samples: int) -> float:
@@ -132,12 +154,14 @@ def _figures(page: Page, curves: dict[str, list[DecayCurve]], floors: dict[str, 
     page.add(draw_rates(rates, path, exact=exact), caption)
 
 
-def _judge_decay(page: Page, scheme: str, lines: list[DecayCurve], floor: float) -> None:
-    """The first half of statement 1; amplitudes whose run failed are missing in the evidence."""
+def _judge_decay(
+    page: Page, scheme: tuple[str, bool], lines: list[DecayCurve], floor: float
+) -> None:
+    """The first half of statement 1; scheme = (name, whether all its runs came to their end)."""
     rate = {curve.amplitude: fitted_rate(curve, floor) for curve in lines}
     grown = {curve.amplitude: rises(curve, floor) for curve in lines}
     fastest = max(rate, key=lambda amplitude: rate[amplitude])
-    whole = len(lines) == len(AMPLITUDES)
+    name, whole = scheme
     counts = "times the distance grew by a tenth, A = B: " + ", ".join(
         f"{a:g}: {count}" for a, count in grown.items()
     )
@@ -155,12 +179,13 @@ def _judge_decay(page: Page, scheme: str, lines: list[DecayCurve], floor: float)
         ),
         ("1c. Stationary: the decay is fastest in between", 1.0 <= fastest <= 3.0, rates),
     ):
-        page.judge(Verdict(statement, whole and holds, evidence, scheme))
+        page.judge(Verdict(statement, whole and holds, evidence, name))
 
 
-def _judge_interaction(page: Page, target: Floats) -> None:
+def _judge_interaction(page: Page, sizes: Sizes, target: Floats) -> None:
     """The second half of statement 1: A = B = 1 with and without interaction."""
-    settings = {"times": [float(t) for t in np.linspace(0.25, 6.0, 24)]}
+    times = np.linspace(0.0, sizes.compared, 25)[1:]
+    settings = sizes.scene | {"times": [float(t) for t in times]}
     bare = settings | {"interaction": None}
     alone = simulate(load_scene("stationary", bare | {"times": [1.0]}), "stationary_state")
     targets = (target, alone.density(BINS)[-1])
@@ -181,10 +206,10 @@ def _judge_interaction(page: Page, target: Floats) -> None:
         )
 
 
-def _judge_large_noise(page: Page, target: Floats) -> None:
+def _judge_large_noise(page: Page, sizes: Sizes, target: Floats) -> None:
     """Statement 8: which closure finds the stationary density at A = B = 5."""
-    noise = {"noise": LARGE, "angular_noise": LARGE}
-    scene = load_scene("stationary", {"noise": noise, "times": [30.0]})
+    noise: dict[str, Any] = {"noise": {"noise": LARGE, "angular_noise": LARGE}}
+    scene = load_scene("stationary", sizes.scene | noise | {"times": [sizes.late]})
     size = float(np.sqrt((target**2).sum()) * scene.domain.width / BINS)
     for scheme in SCHEMES:
         away = {}
@@ -198,8 +223,8 @@ def _judge_large_noise(page: Page, target: Floats) -> None:
             page.tell_run(result)
             away[model] = float(distances(result, target)[-1]) / size
         evidence = (
-            f"L2 distance to the stationary density, as a part of it, at A = B = {LARGE:g}, t = 30: "
-            + ", ".join(f"{model} {distance:.2f}" for model, distance in away.items())
+            f"L2 distance to the stationary density, as a part of it, at A = B = {LARGE:g}, t = "
+            f"{sizes.late:g}: " + ", ".join(f"{model} {far:.2f}" for model, far in away.items())
         )
         for statement, holds in (
             ("8a. With large A, B the mono-kinetic closure fails", away["q_mono_kinetic"] >= FAILS),

@@ -46,7 +46,7 @@ from ellipsoid_coupling.output.stability_report import (
 TOP = Path(__file__).parents[1]
 # What --quick gives to the main job, whose own small version takes a minute.
 TINY = ["particles.number=40", "particles.realisations=2", "numerics.cell=0.05", "flow.cells=16"]
-TINY += ["particles.length=0.1", "particles.width=0.05"]
+TINY += ["particles.length=0.1", "particles.width=0.05", "times=[0.4,0.8,1.2]"]
 
 
 class Told(NamedTuple):

@@ -265,18 +265,18 @@ def test_the_flow_is_kept_once_and_linked(tmp_path: Path) -> None:
     """Run folders hold the flow that they used, without a copy each."""
     flow = {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0}
     values = {"flow": [flow, flow | {"drag": 2.0}]}
-    data = ec.sweep(small_scene(), values, models=MODEL, workers=1, out=tmp_path / "sweep")
+    scene = ec.load_scene("rotation", SETTINGS)
+    data = ec.sweep(scene, values, models=MODEL, workers=1, out=tmp_path / "sweep")
     (kept,) = (tmp_path / "sweep" / "flows").glob("*.npz")
     for run in (tmp_path / "sweep" / "runs").iterdir():
         assert (run / "flow.npz").samefile(kept)
-    scene = ec.load_scene("stationary", SETTINGS | {"flow": flow})
     alone = ec.simulate(scene, MODEL)
     swept = ec.Result.load(tmp_path / "sweep" / str(data["run"].values[0, 0]))
     assert same_variables(swept, alone)
     assert swept.attributes["flow_digest"] == alone.attributes["flow_digest"]
     with pytest.raises(InputError, match="started with"):
         ec.sweep(
-            small_scene(), values, models=MODEL, workers=1, out=tmp_path / "sweep", resume=True,
+            scene, values, models=MODEL, workers=1, out=tmp_path / "sweep", resume=True,
             flow=analytic_flow("top_bottom"),
         )  # fmt: skip
 

@@ -30,21 +30,34 @@ _SMALL: dict[str, Any] = {
     "numerics.angle_cells": 6,
     "times": [0.2],
 }
+# A fluid instead of noise and potentials, in which all still interact.
 _FLUID: dict[str, Any] = {
     "noise": None,
     "outer_potential": None,
     "angular_potential": None,
     "flow": {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0},
 }
-# The trap; a fluid instead, in which all still interact; and walls around it. The Maxwellian closure
-# needs the noise.
-_PARTS: dict[str, dict[str, Any]] = {
-    "trap": {},
-    "fluid": _FLUID,
-    "walls": _FLUID | {"domain.boundary": "reflecting", "walls": {}},
+# A fluid and walls instead of noise, which the Maxwellian closure needs. A test that needs some terms,
+# whichever they are, takes the scene "stationary" with these or as it is: kernels are compiled for the
+# terms that a scene has, and the suite has compiled these first (tests/test_same_bits.py).
+WALLS: dict[str, Any] = {
+    "domain.boundary": "reflecting",
+    "walls": {},
+    "noise": None,
+    "flow": {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0},
 }
+# All these terms without effect: no drag, next to no potential, walls out of reach.
+IDLE: dict[str, Any] = WALLS | {
+    "flow.drag": 0.0,
+    "flow.angular_drag": 0.0,
+    "outer_potential.stiffness": 1e-30,
+    "angular_potential.amplitude": 1e-30,
+    "domain.x": [-30.0, 30.0],
+    "domain.y": [-30.0, 30.0],
+}
+_PARTS: dict[str, dict[str, Any]] = {"trap": {}, "fluid": _FLUID, "walls": WALLS}
 # What is run unless the whole is asked for: each model and scheme in a part whose kernels other tests
-# need as well (main job, the paper's page, stability map), because compiling takes nearly all the time.
+# need as well, because compiling takes nearly all the time.
 _FEW: dict[tuple[str, str], tuple[str, ...]] = {
     ("microscopic", "paper"): ("walls",),
     ("microscopic", "accurate"): ("trap", "walls"),

@@ -46,14 +46,17 @@ RADIUS = 0.5
 def past_cylinder(half: float = 2.0, nodes: int = 160, points: int = 720) -> FlowField:
     """Potential flow u = (1, 0) past a cylinder, psi = y (1 - R^2/r^2), in [-half, half]^2.
 
-    Patches: cylinder (a wall) and far, all four sides.
+    Patches: cylinder (a wall), outlet (the right side) and far (the others). In this order walls, outlets
+    and inlets come one after the other as in the ring and the channels: a grid compiles for the order.
     """
     x = np.linspace(-half, half, nodes + 1)
     X, Y = np.meshgrid(x, x)
     square = np.maximum(X**2 + Y**2, 0.3 * RADIUS**2)
     psi = Y * (1.0 - RADIUS**2 / square)
+    corners = box(half, half)
     outline = polygon_outline(
-        [("far", "patch", box(half, half), True),
-         ("cylinder", "wall", circle(RADIUS, points, -1), True)]
+        [("cylinder", "wall", circle(RADIUS, points, -1), True),
+         ("outlet", "patch", corners[[1, 2]], False),
+         ("far", "patch", corners[[2, 3, 0, 1]], False)]
     )  # fmt: skip
     return FlowField.from_stream_function(psi, x, x, "potential flow", outline=outline)

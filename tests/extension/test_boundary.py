@@ -91,7 +91,10 @@ def channel(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("scheme", "rel"), [("paper", 1e-2), ("accurate", 1e-3)])
+@pytest.mark.parametrize(
+    ("scheme", "rel"),
+    [pytest.param("paper", 1e-2, marks=pytest.mark.heavy), ("accurate", 1e-3)],
+)
 def test_mass_comes_in_as_plug_flow(channel: Path, scheme: Any, rel: float) -> None:
     """Mass in = density u_n height t.
 

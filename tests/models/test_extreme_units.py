@@ -15,7 +15,10 @@ SCHEMES = ("paper", "accurate")
 
 
 def scene(unit: float, cells: int = 8) -> ec.Scene:
-    """Ellipses in a harmonic potential; a length of 1 is `unit` long."""
+    """Ellipses in both potentials and between walls; a length of 1 is `unit` long.
+
+    A fluid without drag makes the terms those of `small_runs.WALLS`, for which kernels are there.
+    """
     box = [-0.5 * unit, 0.5 * unit]
     start = [-0.25 * unit, 0.25 * unit]
     table: dict[str, Any] = {
@@ -30,8 +33,10 @@ def scene(unit: float, cells: int = 8) -> ec.Scene:
         },
         "start": {"x": start, "y": start, "angle": 0.3},
         "interaction": {"strength": unit * unit},
+        "walls": {},
+        "flow": {"source": "closed_form", "field": "rotation", "drag": 0.0, "angular_drag": 0.0},
         "outer_potential": {"stiffness": 4.0},
-        "noise": {"noise": 0.0, "angular_noise": 0.0},
+        "angular_potential": {"amplitude": 1.0},
         "numerics": {
             "cell": unit / cells,
             "angle_cells": 8,
@@ -39,8 +44,6 @@ def scene(unit: float, cells: int = 8) -> ec.Scene:
             "tolerance": 1e-3,
         },
     }
-    if cells == 1:
-        table["particles"]["length"] = table["particles"]["width"] = 0.1 * unit
     return scene_from_table(table, "test")
 
 

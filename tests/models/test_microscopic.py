@@ -16,10 +16,13 @@ from ellipsoid_coupling.models import microscopic as module
 from ellipsoid_coupling.models.microscopic import Microscopic
 from ellipsoid_coupling.particles.noise import gaussian_block
 from ellipsoid_coupling.scenes import load_scene, terms_of
+from tests.small_runs import IDLE
 
 Floats = NDArray[np.float64]
 
 SMALL = {"particles.number": 60, "particles.realisations": 3, "times": [0.4]}
+# Fluid and interaction; noise, potentials and interaction: kernels that other tests need as well.
+QUIET_AND_NOISY = pytest.mark.parametrize("scene", ["rotation", "stationary"])
 
 
 def model_of(
@@ -41,17 +44,17 @@ def run(model: Microscopic, until: float) -> Microscopic:
 
 
 @pytest.mark.parametrize("scheme", ["paper", "accurate"])
-@pytest.mark.parametrize("noise", [None, 1.0])
+@QUIET_AND_NOISY
 def test_same_bits_on_one_thread_and_on_two(
-    scheme: str, noise: float | None, rotation_flow: FlowField
+    scheme: str, scene: str, rotation_flow: FlowField
 ) -> None:
-    part = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
+    flow = rotation_flow if scene == "rotation" else None
     threads = numba.get_num_threads()
     ends = []
     try:
         for count in (1, min(2, threads)):
             numba.set_num_threads(count)
-            ends.append(run(model_of("rotation", part, rotation_flow, scheme), 0.4).snapshot())
+            ends.append(run(model_of(scene, {}, flow, scheme), 0.4).snapshot())
     finally:
         numba.set_num_threads(threads)
     for name, values in ends[0].items():
@@ -59,16 +62,17 @@ def test_same_bits_on_one_thread_and_on_two(
 
 
 @pytest.mark.parametrize("scheme", ["paper", "accurate"])
-@pytest.mark.parametrize("noise", [None, 1.0])
+@QUIET_AND_NOISY
 def test_a_large_realisation_runs_as_a_small_one_does(
-    scheme: str, noise: float | None, rotation_flow: FlowField, monkeypatch: pytest.MonkeyPatch
+    scheme: str, scene: str, rotation_flow: FlowField, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To 1e-9: sums in another order, and what that grows to in some twenty steps."""
-    part = {} if noise is None else {"noise.noise": noise, "noise.angular_noise": noise}
-    settings = part | {"particles.number": 1200, "particles.realisations": 2}
-    small = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
+    flow = rotation_flow if scene == "rotation" else None
+    settings = {"particles.number": 1200, "particles.realisations": 2}
+    settings |= {"particles.length": 0.1, "particles.width": 0.05}
+    small = run(model_of(scene, settings, flow, scheme), 0.2)
     monkeypatch.setattr(module, "LARGE_CLOUD", 1000)
-    large = run(model_of("rotation", settings, rotation_flow, scheme), 0.2)
+    large = run(model_of(scene, settings, flow, scheme), 0.2)
     assert large._large is not None
     assert small._large is None
     assert large.counts() == small.counts()
@@ -76,10 +80,10 @@ def test_a_large_realisation_runs_as_a_small_one_does(
         assert np.allclose(large.snapshot()[name], values, atol=1e-9), name
 
 
-def test_interaction_keeps_the_momentum_to_rounding() -> None:
-    """No fluid, no walls, no noise: the sum of all velocities stays 0 (1e-13 of their size)."""
-    bare = {"outer_potential": None, "angular_potential": None, "noise": None}
-    end = run(model_of("stationary", bare | {"particles.number": 100}, None), 0.4).snapshot()
+def test_interaction_keeps_the_momentum_to_rounding(rotation_flow: FlowField) -> None:
+    """Where nothing else acts: the sum of all velocities stays 0 (1e-13 of their size)."""
+    alone = IDLE | {"particles.number": 100}
+    end = run(model_of("stationary", alone, rotation_flow), 0.4).snapshot()
     for name in ("velocity_x", "velocity_y"):
         assert np.abs(end[name].sum(axis=1)).max() < 1e-13 * np.abs(end[name]).sum()
         assert np.abs(end[name]).max() > 1e-4

@@ -122,10 +122,12 @@ def errors(model: str, scheme: str, key: str, value: float) -> Floats:
 
 # From a level to one of half the step: the orders of the mean velocity, and of angle and angular velocity.
 EXACT, NOT_LOOKED_AT = 0, -1
+# As samples step, but for their clocks, which take long to compile.
+ON_OWN_CLOCKS = ("microscopic", "accurate", "numerics.tolerance", (1e-4, 1.25e-5), EXACT, 2)
 ORDERS = [
     ("microscopic", "paper", "numerics.time_step", (1 / 80, 1 / 160), 1, 1),
     # The scheme is for drifts that are linear in time, as this one is along y = const.
-    ("microscopic", "accurate", "numerics.tolerance", (1e-4, 1.25e-5), EXACT, 2),
+    pytest.param(*ON_OWN_CLOCKS, marks=pytest.mark.heavy),
     ("mckean_vlasov", "accurate", "numerics.tolerance", (1e-4, 1.25e-5), EXACT, 2),
     ("rho_mono_kinetic", "paper", "numerics.cfl", (0.6, 0.3), 1, 1),
     ("rho_mono_kinetic", "accurate", "numerics.cfl", (0.05, 0.025), 2, 2),

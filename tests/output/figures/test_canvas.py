@@ -12,7 +12,6 @@ from ellipsoid_coupling.models import model_kinds
 from ellipsoid_coupling.output.figures.canvas import (
     add_details,
     add_title,
-    fitted,
     multiple_of_pi,
     new_figure,
     save_figure,
@@ -87,12 +86,3 @@ def test_repeated_curves_of_a_model_carry_markers() -> None:
     markers = [curve_options("diffusive", repeat, 60)["marker"] for repeat in range(3)]
     assert markers[0] == ""
     assert len(set(markers)) == 3
-
-
-def test_labels_beside_flat_panels_are_wrapped() -> None:
-    """Whole words, in the room that there is; as they stand where there is enough."""
-    lines = ("speed, linear; largest arrow 1.23", "the lengths of arrows differ less")
-    assert fitted(lines, 4.0) == fitted(lines, np.inf) == "\n".join(lines)
-    narrow = fitted(lines, 1.2).splitlines()
-    assert max(map(len, narrow)) <= 1.2 * 13
-    assert " ".join(narrow) == " ".join(lines)

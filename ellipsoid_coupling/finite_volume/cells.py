@@ -255,6 +255,8 @@ class CellFields:
         part = follows**3
         if part > 0.0:
             self.treat(self.limit(1), self.drift_in_plane(part), fresh=True)
+        if self.lines is not None:
+            self.lines.slide(self.fields, self.system.velocities, follows > 0.0)
 
     def drift_in_plane(self, part: float = 1.0) -> Kick:
         """Draws this part of v to the drift's velocity, F/Gamma, and leaves omega."""

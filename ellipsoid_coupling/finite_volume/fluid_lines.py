@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.finite_volume.fluxes.in_fluid import FluidMotion
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
+from ellipsoid_coupling.finite_volume.wall_cells import WallCells
 from ellipsoid_coupling.geometry.boundaries import Periodic, Reflect, at_side
 from ellipsoid_coupling.geometry.fluid_cells import NONE, SIDE, Faces, FluidCells
 
@@ -142,6 +143,8 @@ class FluidLines(NamedTuple):
         The fluid along each axis, flat like the lines, of a step that follows it; None without a fluid.
     fastest : float
         The largest velocity, summed over both faces, by which a cell empties along an axis.
+    walls : WallCells or None
+        The cells at tilted walls; None where there are none, or of systems with a pressure.
     """
 
     inside: Flags
@@ -151,6 +154,7 @@ class FluidLines(NamedTuple):
     carried: dict[int, Floats]
     motion: dict[int, FluidMotion | None]
     fastest: float
+    walls: WallCells | None = None
 
     @property
     def has_inflow(self) -> bool:
@@ -177,7 +181,17 @@ class FluidLines(NamedTuple):
     def fluid(self, axis: int, follows: float, second: bool) -> FluidMotion | None:
         """The fluid along an axis, of which cells follow this part; see `fluxes.in_fluid`."""
         motion = self.motion[axis]
-        return None if motion is None else motion._replace(follows=follows, second=float(second))
+        if motion is None:
+            return None
+        motion = motion._replace(follows=follows, second=float(second))
+        if self.walls is None or follows in (0.0, 1.0):
+            return motion
+        return self.walls.with_all_fluid(motion, axis)
+
+    def slide(self, fields: Floats, velocities: tuple[int, ...], in_fluid: bool) -> None:
+        """Take what goes into tilted walls; see `WallCells.slide`."""
+        if self.walls is not None:
+            self.walls.slide(fields, velocities, self.motion, in_fluid)
 
 
 def _each_once(kinds: tuple[object, ...]) -> tuple[object, ...]:

@@ -23,6 +23,7 @@ from ellipsoid_coupling.finite_volume.grid import Grid, cell_of, first_centre
 from ellipsoid_coupling.finite_volume.moving_lines import MovingLines
 from ellipsoid_coupling.finite_volume.q_grid import QGrid, start_angles
 from ellipsoid_coupling.finite_volume.system import DENSITY, MEAN_ANGLE, VELOCITIES, System
+from ellipsoid_coupling.finite_volume.wall_cells import wall_cells
 from ellipsoid_coupling.flow import FlowField
 from ellipsoid_coupling.flow.interval import MovingFlow
 from ellipsoid_coupling.flow.outline import Outline
@@ -171,8 +172,11 @@ def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System
         for axis, table in tables.items()
     }
     fastest = share * max(faces.fastest for faces in stairs.faces.values())
+    walls = None
+    if stairs.outline is not None and system.pressure == 0.0:
+        walls = wall_cells(stairs.cells, stairs.ends, stairs.outline.normals(), tables)
     return FluidLines(
-        stairs.cells.inside, stairs.ends.names, kinds, tables, carried, motion, fastest
+        stairs.cells.inside, stairs.ends.names, kinds, tables, carried, motion, fastest, walls
     )
 
 

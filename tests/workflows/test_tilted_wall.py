@@ -44,16 +44,29 @@ def test_the_channel_lies_along_its_flow_and_gravity_across(
     np.testing.assert_allclose(along[:, 0] * way.y - along[:, 1] * way.x, 0.0, atol=1e-12)
 
 
-@pytest.mark.heavy
-def test_along_the_grid_mass_slides_and_samples_slide_anywhere(
+def parts_of(tilted: ModuleType, out: str) -> list[float]:
+    """The numbers of a table with one resolution."""
+    rows = [line for line in out.splitlines() if line[2:].startswith(tilted.MODELS)]
+    return [float(line.split("|")[3]) for line in rows]
+
+
+def test_mass_slides_along_a_tilted_wall(
     tilted: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Samples to the accuracy of their steps; mass lands over a cell, 0.02 of the way at h = 0.1."""
-    models = ["mckean_vlasov", "rho_mono_kinetic", "diffusive"]
-    assert tilted.main(["--models", *models, "--tilts", "0", "--cells", "0.1"]) == 0
-    assert tilted.main(["--models", models[0], "--tilts", "30", "--cells", "0.1"]) == 0
-    rows = [
-        line for line in capsys.readouterr().out.splitlines() if line[2:].startswith(tuple(models))
-    ]
-    parts = [float(line.split("|")[3]) for line in rows]
-    assert (np.abs(np.array(parts) - 1.0) < [1e-3, 0.03, 1e-3, 1e-3]).all()
+    """It stayed where it landed, 0.29 of the way; with the fluid of its faces it is 5 % ahead on stairs."""
+    assert tilted.main(["--models", "diffusive", "--tilts", "30", "--cells", "0.1"]) == 0
+    assert abs(parts_of(tilted, capsys.readouterr().out)[0] - 1.0) < 0.06
+
+
+@pytest.mark.heavy
+def test_along_the_grid_and_across_it_mass_slides_and_so_do_samples(
+    tilted: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Samples to the accuracy of their steps; mass that lands has a cell's offset along the grid.
+
+    On stairs mass with inertia is up to 12 % behind: it brings the mean velocity of the stair before.
+    """
+    sizes = ["--cells", "0.05"]
+    assert tilted.main(["--tilts", "0", "30", *sizes]) == 0
+    parts = np.array(parts_of(tilted, capsys.readouterr().out))
+    assert (np.abs(parts - 1.0) < [1e-3, 1e-3, 0.02, 0.12, 1e-3, 0.06]).all()

@@ -17,6 +17,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.quiver import Quiver
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ellipsoid_coupling.errors import InputError, RunError
@@ -281,7 +282,12 @@ class _GridFilm:
             axes.set(xlabel="x", title=label)
             beyond = label == "density" and self._density.max() > top
             bar = self.figure.colorbar(
-                image, ax=axes, location="bottom", aspect=30, extend="max" if beyond else "neither"
+                image,
+                ax=axes,
+                location="bottom",
+                aspect=30,
+                extend="max" if beyond else "neither",
+                ticks=MaxNLocator(4),
             )
             self._images.append(image)
         show_multiples_of_pi(bar.ax.xaxis, 0.25)

@@ -9,6 +9,7 @@ particles are opened as well, but not shown: click on the eye beside histogram.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 # Where the files are if ParaView does not tell where this script is; filled in by the export, as the next.
 FOLDER = "."
@@ -45,21 +46,19 @@ def path_of(name: str) -> str | None:
     return next((str(path) for path in paths if path.exists()), None)
 
 
-def opened(name: str) -> object | None:
+def opened(name: str) -> Any | None:
     """The reader of a file of this folder, or None."""
     from paraview import simple
 
     path = path_of(name)
     if path is None:
         return None
-    source: object = simple.OpenDataFile(path)
+    source: Any = simple.OpenDataFile(path)
     simple.RenameSource(name, source)
     return source
 
 
-def show(
-    source: object, layer: float, colour: list[float] | None = None, shade: float = 0.0
-) -> object:
+def show(source: Any, layer: float, colour: list[float] | None = None, shade: float = 0.0) -> Any:
     """Show a source in a layer, in one colour if one is given; returns its display.
 
     shade : the part of its light that comes from a lamp
@@ -78,7 +77,7 @@ def show(
     return display
 
 
-def colour_by(display: object, where: str, array: str) -> None:
+def colour_by(display: Any, where: str, array: str) -> None:
     """Colour a display by an array of its POINTS or CELLS, and explain the colours beside it."""
     from paraview import simple
 
@@ -109,7 +108,7 @@ def colour_by(display: object, where: str, array: str) -> None:
     bar.ScalarBarThickness, bar.TitleFontSize, bar.LabelFontSize = 12, 12, 12
 
 
-def show_ellipses(source: object, layer: float, name: str) -> object:
+def show_ellipses(source: Any, layer: float, name: str) -> Any:
     """Spheres stretched to length and width, turned into the main axes; returns their display."""
     from paraview import simple
 
@@ -127,7 +126,7 @@ def show_ellipses(source: object, layer: float, name: str) -> object:
     return show(glyph, layer, GREY, shade=0.3)
 
 
-def show_axes(source: object, layer: float) -> object:
+def show_axes(source: Any, layer: float) -> Any:
     """Lines without head along the mean axes of cells, as long as S says; returns their display."""
     from paraview import simple
 

@@ -74,7 +74,7 @@ def test_a_particle_swings_like_a_pendulum() -> None:
     """To the other side and back; 1e-5, from steps of second order at a tolerance of 1e-8."""
     half = half_period(2.0, 3)
     scene = ec.load_scene(SCENE, {"times": [half, 2.0 * half]})
-    angle = ec.simulate(scene, model="microscopic").variables["angle"]
+    angle = ec.simulate(scene, model="mckean_vlasov").variables["angle"]
     np.testing.assert_allclose(angle[0], -START, atol=1e-5)
     np.testing.assert_allclose(angle[1], START, atol=1e-5)
 

@@ -113,34 +113,37 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     ec.register_model(WithTemperature)
 
 
-# Circles, so that no angle matters.
+# Circles, so that no angle matters. Periodic from end to end, as the bath below needs it: what is compiled
+# with a pressure from outside of the package is not cached, so that all tests here have the same sides.
 PIPE: dict[str, Any] = {
     "name": "pipe",
     "times": [0.8],
-    "domain": {"x": [-1.0, 2.0], "y": [0.0, 0.1], "boundary": "reflecting"},
+    "domain": {"x": [-4.0, 2.0], "y": [0.0, 0.1], "boundary": "reflecting"},
+    "boundaries": {"left": {"kind": "periodic"}, "right": {"kind": "periodic"}},
     "particles": {"length": 0.05, "width": 0.05, "number": 1},
-    "start": {"x": [-1.0, 0.0], "y": [0.0, 0.1]},
+    "start": {"x": [-2.0, 0.0], "y": [0.0, 0.1]},
     "numerics": {"cell": 0.02},
 }
 
 
 def fan(x: Floats, time: float) -> Floats:
-    """Gas at rest, rho_0 = 10 and c_0 = 1, expands into vacuum: rho = rho_0 (2 - x/t)^2/9 (Ritter)."""
-    return np.asarray(10.0 * (2.0 - np.clip(x / time, -1.0, 2.0)) ** 2 / 9.0)
+    """Gas at rest, rho_0 = 5 and c_0 = 1, expands into vacuum: rho = rho_0 (2 - x/t)^2/9 (Ritter)."""
+    return np.asarray(5.0 * (2.0 - np.clip(x / time, -1.0, 2.0)) ** 2 / 9.0)
 
 
 def test_a_gas_cools_as_it_expands() -> None:
-    """T = T_0 rho/rho_0 everywhere to rounding, as s is carried; the fan to the order 1 of FORCE.
+    """T = T_0 rho/rho_0 everywhere to rounding, as s is carried; both fans to the order 1 of FORCE.
 
-    Half a cell makes a corner's error 0.6 times as large or less.
+    They do not meet yet, neither about the middle at x = -1 nor over the seam. Half a cell makes a
+    corner's error 0.6 times as large or less.
     """
     errors = []
     for cell in (0.02, 0.01):
         scene = ec.load_scene(PIPE, {"numerics.cell": cell})
         result = ec.simulate(scene, "rho_temperature", scheme="paper")
         density, temperature = (result.variables[k][-1] for k in ("density", "temperature"))
-        np.testing.assert_allclose(temperature, START_TEMPERATURE / 10.0 * density, rtol=1e-11)
-        off = np.abs(density - fan(result.coordinates["x"], 0.8))
+        np.testing.assert_allclose(temperature, START_TEMPERATURE / 5.0 * density, rtol=1e-11)
+        off = np.abs(density - fan(np.abs(result.coordinates["x"] + 1.0) - 1.0, 0.8))
         errors.append(float(off.sum()) * cell**2)
         assert result.attributes["mass_end"] == pytest.approx(1.0, abs=1e-12)
     assert errors[1] < 0.65 * errors[0]
@@ -156,7 +159,12 @@ class Cold(WithTemperature):
 
 
 @pytest.mark.parametrize(
-    ("model", "scheme"), [(WithTemperature, "paper"), (Cold, "paper"), (Cold, "accurate")]
+    ("model", "scheme"),
+    [
+        (WithTemperature, "paper"),
+        (Cold, "accurate"),
+        pytest.param(Cold, "paper", marks=pytest.mark.heavy),
+    ],
 )
 def test_a_bath_gives_its_temperature(
     model: type[WithTemperature], scheme: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -169,9 +177,8 @@ def test_a_bath_gives_its_temperature(
     ec.register_model(model)
     drag, noise = 1.5, 0.6
     settings = {
-        "start.x": [-1.0, 2.0],
+        "start.x": [-4.0, 2.0],
         "times": [0.2, 1.0],
-        "boundaries": {"left": {"kind": "periodic"}, "right": {"kind": "periodic"}},
         "flow": {"source": "closed_form", "field": "shear", "drag": drag, "angular_drag": 0.0},
         "noise": {"noise": noise, "angular_noise": 0.0},
         "numerics.cell": 0.05,

@@ -61,7 +61,7 @@ def test_a_particle_swings_with_the_period_of_the_quartic_oscillator(tmp_path: P
     """
     period = 7.416298709205487 / (1.2 * np.sqrt(STRENGTH))
     scene = ec.load_scene(SCENE, {"times": [0.5 * period, period]})
-    result = ec.simulate(scene, model="microscopic", folder=tmp_path / "run")
+    result = ec.simulate(scene, model="mckean_vlasov", folder=tmp_path / "run")
     np.testing.assert_allclose(result.variables["x"][:, 0, 0], [-1.2, 1.2], atol=1e-5)
     assert ec.load_scene(tmp_path / "run" / "run.toml") == scene
 
@@ -83,7 +83,7 @@ def test_cells_fall_as_particles_do() -> None:
     cells = ec.simulate(scene, model="rho_mono_kinetic")
     density = cells.variables["density"][-1]
     mean = (density * cells.coordinates["x"]).sum() / density.sum()
-    particles = ec.simulate(scene, model="microscopic").variables["x"][-1].mean()
+    particles = ec.simulate(scene, model="mckean_vlasov").variables["x"][-1].mean()
     assert mean == pytest.approx(particles, abs=4e-3)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -269,14 +270,18 @@ drag = 40.0
 angular_drag = 40.0
 [numerics]
 cell = 0.1
+time_step = 0.005
 """
 
 
-@pytest.mark.parametrize("model", ["microscopic", "rho_mono_kinetic", "diffusive"])
-def test_models_carry_it(model: str, tmp_path: Path, field: FlowField) -> None:
+@pytest.mark.parametrize(
+    ("model", "scheme"),
+    [("microscopic", "paper"), ("rho_mono_kinetic", "accurate"), ("diffusive", "accurate")],
+)
+def test_models_carry_it(model: str, scheme: Any, tmp_path: Path, field: FlowField) -> None:
     """Particles with little inertia follow r^2 = r_0^2 + q t / pi but for their lag, 1/drag: 2 %."""
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
-    result = ec.simulate(ec.load_scene(tmp_path / "scene.toml"), model=model, flow=field)
+    result = ec.simulate(ec.load_scene(tmp_path / "scene.toml"), model, scheme, flow=field)
     density = result.density(cells=60)[-1]
     at = -3.0 + 0.1 * (np.arange(60) + 0.5)
     r2 = float((density * (at[:, None] ** 2 + at**2)).sum() / density.sum())

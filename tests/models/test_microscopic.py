@@ -68,7 +68,7 @@ def test_a_large_realisation_runs_as_a_small_one_does(
 ) -> None:
     """To 1e-9: sums in another order, and what that grows to in some twenty steps."""
     flow = rotation_flow if scene == "rotation" else None
-    settings = {"particles.number": 1200, "particles.realisations": 2}
+    settings: dict[str, Any] = {"particles.number": 1200, "particles.realisations": 2}
     settings |= {"particles.length": 0.1, "particles.width": 0.05}
     small = run(model_of(scene, settings, flow, scheme), 0.2)
     monkeypatch.setattr(module, "LARGE_CLOUD", 1000)

@@ -67,7 +67,7 @@ def plug_scene(gamma: float, cfl: float) -> Scene:
             "particles": {"length": 0.2, "width": 0.2, "number": 16},
             "start": {"x": [-0.5, 0.5], "y": [-0.5, 0.5]},
             "boundaries": {"low": {"kind": "reflect"}},
-            "flow": {"source": "closed_form", "field": "shear", "drag": gamma, "angular_drag": 0.0},
+            "flow": {"source": "closed_form", "field": "shear", "drag": gamma, "angular_drag": 1.0},
             "numerics": {"cell": 0.25, "angle_cells": 4, "cfl": cfl},
         }
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow import analytic_flow
 from ellipsoid_coupling.interaction.particle_forces import Drift
 from ellipsoid_coupling.particles import STEPPERS
 from ellipsoid_coupling.particles.clocks import Stepper
@@ -36,9 +36,14 @@ from ellipsoid_coupling.stepping.step_control import (
 )
 
 Floats = NDArray[np.float64]
-NO_DRIFT = Drift(External())
+FLOW = analytic_flow("top_bottom")
 PAPER, ACCURATE = STEPPERS["paper"], STEPPERS["accurate"]
 BOTH = pytest.mark.parametrize("scheme", list(STEPPERS.values()), ids=list(STEPPERS))
+
+
+def drift_of(drag: float = 0.0, stiffness: float = 0.0) -> Drift:
+    """A stagnation flow and a harmonic potential; where either is nothing it is 0, for the same kernels."""
+    return Drift(External(Fluid(FLOW.arrays, drag, 0.0, 0.0), Harmonic(stiffness)))
 
 
 def state_at(place: Floats, velocity: Floats, noise: Floats | None = None) -> ParticleState:
@@ -91,9 +96,9 @@ def stagnation_truth(x: float, y: float, t: float) -> tuple[float, float]:
 
 
 @BOTH
-def test_order_is_the_declared_one(scheme: Stepper, stagnation_flow: FlowField) -> None:
+def test_order_is_the_declared_one(scheme: Stepper) -> None:
     """Errors at dt and dt/2 on the closed form of top_bottom; the slope within 0.15."""
-    drift = Drift(External(Fluid(stagnation_flow.arrays, 1.0, 0.0, 0.0)))
+    drift = drift_of(1.0)
     truth = np.array(stagnation_truth(0.7, 0.4, 1.6))
     errors = []
     for dt in (0.02, 0.01):
@@ -103,8 +108,8 @@ def test_order_is_the_declared_one(scheme: Stepper, stagnation_flow: FlowField) 
     assert math.log2(errors[0] / errors[1]) == pytest.approx(scheme.order, abs=0.15)
 
 
-def test_accurate_meets_its_closed_form_to_1e6(stagnation_flow: FlowField) -> None:
-    drift = Drift(External(Fluid(stagnation_flow.arrays, 1.0, 0.0, 0.0)))
+def test_accurate_meets_its_closed_form_to_1e6() -> None:
+    drift = drift_of(1.0)
     state = state_at(np.array([[0.7], [0.4]]), np.zeros((2, 1)))
     limits = limits_of(0.01, tolerance=1e-10)
     while state.clock[0, TIME] < 2.0:
@@ -112,9 +117,9 @@ def test_accurate_meets_its_closed_form_to_1e6(stagnation_flow: FlowField) -> No
     assert np.abs(state.position[0, :, 0] - stagnation_truth(0.7, 0.4, 2.0)).max() < 1e-6
 
 
-def test_the_error_follows_the_tolerance(stagnation_flow: FlowField) -> None:
+def test_the_error_follows_the_tolerance() -> None:
     """A thousandth of the tolerance: third-order estimate, second-order error, so at least 30."""
-    drift = Drift(External(Fluid(stagnation_flow.arrays, 1.0, 0.0, 0.0)))
+    drift = drift_of(1.0)
     errors = []
     for tolerance in (1e-4, 1e-7):
         state = state_at(np.array([[0.7], [0.4]]), np.zeros((2, 1)))
@@ -125,9 +130,9 @@ def test_the_error_follows_the_tolerance(stagnation_flow: FlowField) -> None:
     assert errors[0] / errors[1] > 30
 
 
-def test_stiff_drag_costs_nothing(stagnation_flow: FlowField) -> None:
+def test_stiff_drag_costs_nothing() -> None:
     """Gamma = 1e6, dt = 0.01: the particle follows the fluid, as Heun's rule does (1e-4)."""
-    drift = Drift(External(Fluid(stagnation_flow.arrays, 1e6, 0.0, 0.0)))
+    drift = drift_of(1e6)
     state = state_at(np.array([[0.7], [0.4]]), np.zeros((2, 1)))
     march(ACCURATE, state, drift, rates_of(1e6), 0.01, 1.0)
     expected = [0.7 * math.exp(-1.0), 0.4 * math.exp(1.0)]
@@ -173,7 +178,7 @@ def test_velocities_settle_to_the_known_gaussian(scheme: Stepper, bias: float) -
         for step in range(STEPS_PER_BLOCK):
             one = state._replace(noise=np.ascontiguousarray(noise[:, step : step + 1]))
             until = (block * STEPS_PER_BLOCK + step + 1) * dt
-            advance(scheme, one, NO_DRIFT, rates_of(0.5, 1.0), limits_of(dt), until, 1)
+            advance(scheme, one, drift_of(), rates_of(0.5, 1.0), limits_of(dt), until, 1)
     assert state.velocity.var() == pytest.approx(bias, rel=4 * math.sqrt(2 / (2 * n)))
     assert abs(state.velocity.mean()) < 4 / math.sqrt(2 * n)
 
@@ -188,7 +193,7 @@ def test_strong_order_one_of_the_paper_scheme_on_one_brownian_path() -> None:
         dt = end / steps
         noise = fine.reshape(steps, merged, 2, n).sum(axis=1) / math.sqrt(merged)
         state = state_at(np.zeros((2, n)), np.zeros((2, n)), noise[None].copy())
-        drift = Drift(External(outer=Harmonic(2.0)))
+        drift = drift_of(stiffness=2.0)
         advance(PAPER, state, drift, rates_of(0.5, 1.0), limits_of(dt), end, steps)
         ends.append(state.position[0].copy())
     errors = [math.sqrt(np.mean((e - ends[0]) ** 2)) for e in ends[1:]]
@@ -197,7 +202,7 @@ def test_strong_order_one_of_the_paper_scheme_on_one_brownian_path() -> None:
 
 def oscillator_energies(tolerance: float, periods: int) -> Floats:
     """Energy over that at the start, after each call of an undamped oscillator, steps of its own choice."""
-    drift, found = Drift(External(outer=Harmonic(1.0))), []
+    drift, found = drift_of(stiffness=1.0), []
     state = state_at(np.array([[1.0, 0.6], [0.0, 0.3]]), np.array([[0.0, 0.1], [0.5, 0.0]]))
     first = (state.position**2 + state.velocity**2).sum()
     limits, end = limits_of(0.01, tolerance=tolerance), 2.0 * np.pi * periods
@@ -221,7 +226,7 @@ def test_energy_without_drag_does_not_drift() -> None:
 
 def test_steps_without_drag_can_be_reversed() -> None:
     """100 steps on, velocities turned round, 100 steps on: the start, to rounding (1e-12)."""
-    drift = Drift(External(outer=Harmonic(1.0)))
+    drift = drift_of(stiffness=1.0)
     state = state_at(np.array([[1.0], [0.3]]), np.array([[0.0], [0.5]]))
     march(ACCURATE, state, drift, rates_of(0.0), 0.1, 10.0)
     back = state_at(state.position[0], -state.velocity[0])
@@ -235,7 +240,7 @@ def test_the_first_step_with_noise_follows_the_tolerance() -> None:
 
     20 000 numbers give it to 4e-4 (4 sigma 1.6e-3); one step of 1 is off by 0.08.
     """
-    number, drift = 20_000, Drift(External(outer=Harmonic(1.0)))
+    number, drift = 20_000, drift_of(stiffness=1.0)
     state = state_at(np.full((2, number), 2.0), np.zeros((2, number)))
     limits, rates, block = limits_of(1.0, tolerance=1e-6), rates_of(0.005, 0.1), 0
     while state.clock[0, TIME] < 1.0:
@@ -252,7 +257,7 @@ def test_the_first_step_with_noise_follows_the_tolerance() -> None:
 
 def test_the_worst_particle_bounds_the_step() -> None:
     """One spring among 10 000 that rest: its error is bounded, at 10 times the tolerance."""
-    drift = Drift(External(outer=Harmonic(100.0)))
+    drift = drift_of(stiffness=100.0)
     errors = []
     for bystanders in (0, 10_000):
         place = np.zeros((2, 1 + bystanders))
@@ -269,7 +274,7 @@ def test_the_worst_particle_bounds_the_step() -> None:
 
 def test_both_steppers_keep_the_largest_force() -> None:
     """Of the start, though all calls end where the force is small: V1 from 2, a quarter period a call."""
-    drift = Drift(External(outer=Harmonic(1.0)))
+    drift = drift_of(stiffness=1.0)
     for scheme in STEPPERS.values():
         state = state_at(np.array([[-2.0], [0.5]]), np.zeros((2, 1)))
         march(scheme, state, drift, rates_of(0.0), math.pi / 64.0, math.pi / 2.0)
@@ -284,7 +289,7 @@ def test_walls_reflect(scheme: Stepper) -> None:
     box = np.array([[0.0, 1.0], [0.0, 1.0]])
     limits = Limits(0.07, 1e30, np.ones(2), box)
     state = state_at(np.array([[0.2], [0.5]]), np.array([[1.3], [-0.9]]))
-    advance(scheme, state, NO_DRIFT, rates_of(0.0), limits, 3.1, 1000)
+    advance(scheme, state, drift_of(), rates_of(0.0), limits, 3.1, 1000)
     way = np.array([0.2 + 1.3 * 3.1, 0.5 - 0.9 * 3.1])
     folded = np.abs(np.mod(way + 1.0, 2.0) - 1.0)
     assert np.allclose(state.position[0, :, 0], folded, atol=1e-12)
@@ -293,14 +298,14 @@ def test_walls_reflect(scheme: Stepper) -> None:
 
 def test_an_unstable_step_is_reported_not_hidden() -> None:
     """Euler with dt Gamma = 10 explodes: the status says so."""
-    drift = Drift(External(outer=Harmonic(1.0)))
+    drift = drift_of(stiffness=1.0)
     state = state_at(np.ones((2, 1)), np.ones((2, 1)))
     advance(PAPER, state, drift, rates_of(100.0), limits_of(0.1), 1e6, 10**6)
     assert state.clock[0, STATUS] == NOT_FINITE
 
 
 def test_too_long_steps_are_repeated_shorter() -> None:
-    drift = Drift(External(outer=Harmonic(1e4)))
+    drift = drift_of(stiffness=1e4)
     state = state_at(np.ones((2, 1)), np.zeros((2, 1)))
     advance(ACCURATE, state, drift, rates_of(0.0), limits_of(1.0, tolerance=1e-6), 0.01, 10**6)
     assert state.clock[0, REJECTED] > 0

@@ -35,7 +35,7 @@ def scene(model: str, **changes: Any) -> ec.Scene:
 
 @pytest.mark.parametrize(
     ("model", "scheme"),
-    [("microscopic", "accurate"), ("rho_mono_kinetic", "accurate"), ("q_maxwellian", "accurate")],
+    [("mckean_vlasov", "accurate"), ("rho_mono_kinetic", "accurate"), ("q_maxwellian", "accurate")],
 )
 def test_all_fall_on_a_parabola(model: str, scheme: Any) -> None:
     """Velocity g t and place g t^2/2 to rounding; of cells, whose profile is that of cells, 2 % of one."""
@@ -45,7 +45,7 @@ def test_all_fall_on_a_parabola(model: str, scheme: Any) -> None:
     # The force of the balanced scheme is that on each cell's profile, which a box is not.
     np.testing.assert_allclose(velocity, t * G, rtol=1e-2 if model == "q_maxwellian" else 1e-9)
     place, exact = np.array([found["x"], found["y"]]), 0.5 * t**2 * G
-    allowed = 1e-13 if model == "microscopic" else 5e-3
+    allowed = 1e-13 if model == "mckean_vlasov" else 5e-3
     assert np.abs(place - exact).max() <= allowed
 
 

@@ -141,7 +141,7 @@ class Godunov(_Split):
         cells.update_forces()
         # Before the next step is chosen: the speed of sound may have changed.
         cells.react(dt)
-        # Of the torque what the kick makes of the old angle: the implicit turn goes on from there.
+        # The torque counts at the old angle here; the implicit turn adds its change.
         change = implicit_kick(cells.terms, dt, self._velocities)
         self._meet_forces(change)
         if cells.system.carried_angle:

@@ -85,7 +85,7 @@ def contact_of(
     # (1 - lambda)/(1 + lambda) = (d/l)^2; `bluntness` is 1 - lambda to all digits, for needles.
     thickness = shape.reach * math.sqrt(shape.bluntness / (1.0 + shape.shape_factor))
     noisy = energies[0] > 0.0
-    # At tolerances above e^-2 the bound 2 keeps c at 1: a pair never moves by more than b.
+    # At tolerances above e^-2 the bound 2 keeps c from growing: a pair never moves by more than b.
     part = math.sqrt((1.0 if noisy else 2.0) / max(math.log(1.0 / tolerance), 2.0))
     lever, ghost_reach = shape.reach - thickness, shape.reach * ghosts
     return Contact(shape.reach, thickness, part, lever, pull, ghost_reach, *energies)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from PIL import Image
 
 from ellipsoid_coupling.flow.outline import polygon_outline
 from ellipsoid_coupling.output.figures.canvas import new_figure, show_domain
@@ -43,9 +45,10 @@ def pixels_beside(axes: Axes) -> dict[str, float]:
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.set_dpi(200.0)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    picture = np.asarray(canvas.buffer_rgba())[..., :3].mean(axis=2)
+    memory = BytesIO()
+    figure.savefig(memory, format="png", dpi=200.0)
+    with Image.open(memory) as image:
+        picture = np.asarray(image.convert("L"), np.float64)
     height = picture.shape[0]
     found = {}
     for name, (first, last) in SIDES.items():

@@ -9,17 +9,24 @@ import pytest
 
 import ellipsoid_coupling as ec
 
-ALONE: dict[str, Any] = {"interaction": None, "outer_potential": None, "angular_potential": None}
+# Noise, and next to nothing else: a fluid and a potential, so that all runs here need the same kernels.
+ALONE: dict[str, Any] = {
+    "interaction": None,
+    "angular_potential": None,
+    "outer_potential": {"stiffness": 1e-30},
+    "flow": {"source": "closed_form", "field": "rotation", "drag": 0.0, "angular_drag": 0.0},
+}
 PARTICLE_MODELS = pytest.mark.parametrize("model", ["microscopic", "mckean_vlasov"])
 
 
 def variances(scene: ec.Scene, model: str, scheme: Any) -> tuple[float, int]:
-    """Variance of the velocities, with a fluid of the angular ones alone, and their number.
+    """Variance of the velocities, in a fluid that drags of the angular ones alone, and their number.
 
     A fluid's velocity depends on the place, which spreads: only the spin is the same everywhere.
     """
+    assert scene.flow is not None
     result = ec.simulate(scene, model, scheme)
-    names = ["angular_velocity"] + (["velocity_x", "velocity_y"] if scene.flow is None else [])
+    names = ["angular_velocity"] + (["velocity_x", "velocity_y"] if scene.flow.drag == 0.0 else [])
     numbers = np.concatenate([result.variables[name][-1].ravel() for name in names])
     return float(numbers.var()), numbers.size
 
@@ -54,11 +61,14 @@ def test_accurate_scheme_has_the_exact_variance(model: str, drag: float, toleran
 
 def noisy_scene(drag: float, settings: dict[str, Any]) -> ec.Scene:
     """A = B = 2 alone, or with the drag of a rigid rotation, whose spin is the same everywhere."""
-    parts = {"noise": {"noise": 2.0, "angular_noise": 2.0}, "particles.realisations": 24}
-    if drag == 0.0:
-        return ec.load_scene("stationary", ALONE | parts | settings | {"particles.number": 1000})
-    fluid = {"flow.drag": drag, "flow.angular_drag": drag, "particles.inertia": 1.0}
-    return ec.load_scene("rotation", ALONE | parts | fluid | settings)
+    parts: dict[str, Any] = {
+        "noise": {"noise": 2.0, "angular_noise": 2.0},
+        "flow.drag": drag,
+        "flow.angular_drag": drag,
+        "particles.number": 1000,
+        "particles.realisations": 24,
+    }
+    return ec.load_scene("stationary", ALONE | parts | settings)
 
 
 @PARTICLE_MODELS
@@ -73,7 +83,7 @@ def test_harmonic_potential_has_unit_gaussians(
     this leaves is of second order in it.
     """
     noise = {"noise": amplitude, "angular_noise": amplitude}
-    settings: dict[str, Any] = {"interaction": None, "angular_potential": None, "noise": noise}
+    settings: dict[str, Any] = ALONE | {"outer_potential.stiffness": 1.0, "noise": noise}
     settings |= {"particles.number": 1000, "particles.realisations": 8}
     settings |= {"numerics.tolerance": tolerance, "times": [300.0 if amplitude > 5.0 else 60.0]}
     result = ec.simulate(ec.load_scene("stationary", settings), model)

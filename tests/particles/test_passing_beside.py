@@ -42,7 +42,7 @@ def search(edges: EdgeGrid, starts: Floats, counts: NDArray[np.int64]) -> None:
             line = edges.lines[e]
             nx, ny = -line[ALONG_Y], line[ALONG_X]
             before = nx * (x - line[X]) + ny * (y - line[Y])
-            after = nx * (part.place[0] - line[X]) + ny * (part.place[1] - line[Y])
+            after = nx * (part.position[0] - line[X]) + ny * (part.position[1] - line[Y])
             if before >= 0.0:
                 beside = _passes_beside(edges, line, path, part)
                 met = _meets(edges, e, path, part, before) < np.inf

@@ -222,8 +222,7 @@ class CellFields:
         else:
             follows = self._follows(dt) if drifts else 0.0
             if self.moving_lines is not None:
-                # The lines have the fluid of the step's middle.
-                self.set_terms(0.5 * (self.time + self.after))
+                self.set_terms(0.5 * (self.time + self.after))  # as the lines, of the step's middle
             fluid = self.lines.fluid(first, follows, second=False)
             moved = self.transported(first, dt)._replace(fluid=fluid)
             self._settle(follows)
@@ -243,14 +242,14 @@ class CellFields:
 
     def _follows(self, dt: float) -> float:
         """How much of the velocities counts as the fluid's in a step, see `fluxes.in_fluid`."""
-        # 1 - e^{-Gamma dt}, as far as drag draws a velocity to the fluid's in the step.
+        # As far as drag draws a velocity to the fluid's.
         return 1.0 if self.system.slaved else -math.expm1(-self.terms.damping * dt)
 
     def _settle(self, follows: float) -> None:
         """Before each direction: the velocities of this place, as far as drag makes them at once.
 
-        Strong drag does not let the velocity of the old place come along, nor what an implicit kick has
-        left of it. The part is O(dt^3) for weak drag, so that no order is lost.
+        Strong drag lets no velocity of the old place come along, nor what an implicit kick has left of it.
+        The part is O(dt^3) for weak drag, so that no order is lost. At tilted walls see `wall_cells`.
         """
         part = follows**3
         if part > 0.0:

@@ -19,7 +19,8 @@ from ellipsoid_coupling.particles.births import Births
 from ellipsoid_coupling.particles.fates import Fates, takes_part
 from ellipsoid_coupling.particles.flags import flagged
 from ellipsoid_coupling.particles.linear import LinearStep, linear_step, noise_of
-from ellipsoid_coupling.particles.paths import End, Path, edge_normal, follow
+from ellipsoid_coupling.particles.path_parts import Path
+from ellipsoid_coupling.particles.paths import End, edge_normal, follow
 from ellipsoid_coupling.particles.state import BlockStep, Limits, ParticleState
 
 Floats = NDArray[np.float64]

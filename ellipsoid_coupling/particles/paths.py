@@ -32,21 +32,14 @@ from ellipsoid_coupling.geometry.edge_grid import (
     EdgeGrid,
     X,
     Y,
-    column_of,
-    row_of,
 )
 from ellipsoid_coupling.particles.bounces import Flight, first_exit, time_of
-from ellipsoid_coupling.particles.linear import phi_functions
+from ellipsoid_coupling.particles.path_parts import Part, Path, Vector, later, moved, next_part
 
 Floats = NDArray[np.float64]
-Vector = tuple[float, float]
 
 # Parts of a path and edges met on it that are followed in a step.
 _MOST_PARTS = 4096
-# The cells that a part of a path may touch, and how far it may bend, in cells.
-_MOST_CELLS, _BEND = 16, 0.25
-# Halvings of a part, which end there for whatever numbers.
-_MOST_HALVINGS = 60
 # A path that comes back to the edge that it left within this part of the step slides along it.
 _HOP = 1e-6
 # The sine of the angle between edges of one direction.
@@ -54,31 +47,6 @@ _PARALLEL = 1e-9
 # So near to an edge, in gaps, ways end; from there an edge is met below the other one,
 # so that rounding meets none.
 _AT_THE_GAP, _BELOW_THE_GAP = 1.5, 0.5
-
-
-class Path(NamedTuple):
-    """A particle on its way.
-
-    Attributes
-    ----------
-    position, velocity : (x, y)
-        At the start of what is left of the step.
-    force, slope : (x, y)
-        The force then, and how it changes in a unit of time.
-    noise : (x, y)
-        What noise adds to the velocity at which the position moves.
-    kick : (x, y)
-        What is added to the velocity at the end of the step.
-    damping : float
-    """
-
-    position: Vector
-    velocity: Vector
-    force: Vector
-    slope: Vector
-    noise: Vector
-    kick: Vector
-    damping: float
 
 
 class End(NamedTuple):
@@ -106,97 +74,8 @@ class End(NamedTuple):
     corner: bool
 
 
-class _Part(NamedTuple):
-    """The next part of a path: how long it takes, position and velocity at its end, the cells about it.
-
-    bend : how far it is from the straight way at most
-    """
-
-    time: float
-    position: Vector
-    velocity: Vector
-    bend: float
-    columns: tuple[int, int]
-    rows: tuple[int, int]
-
-
 @kernel
-def _later(path: Path, t: float) -> tuple[Vector, Vector]:
-    """Position and velocity at t, the latter without noise."""
-    z = path.damping * t
-    phi1, phi2, phi3 = phi_functions(z)
-    # The exact solution for a force f + s t, as in `exponential`.
-    decay, push, change = math.exp(-z), t * phi2, t * t * phi3
-    (x, y), (vx, vy), (fx, fy), (sx, sy) = path.position, path.velocity, path.force, path.slope
-    position = (
-        x + t * (phi1 * vx + push * fx + change * sx + path.noise[0]),
-        y + t * (phi1 * vy + push * fy + change * sy + path.noise[1]),
-    )
-    velocity = (
-        decay * vx + t * phi1 * fx + t * t * phi2 * sx,
-        decay * vy + t * phi1 * fy + t * t * phi2 * sy,
-    )
-    return position, velocity
-
-
-@kernel
-def _moved(path: Path, t: float, position: Vector, velocity: Vector) -> Path:
-    """What is left of a path that is at this position, with this velocity, at t."""
-    force = path.force[0] + t * path.slope[0], path.force[1] + t * path.slope[1]
-    return Path(position, velocity, force, path.slope, path.noise, path.kick, path.damping)
-
-
-@kernel
-def _bend(path: Path, t: float) -> float:
-    """A bound of how far the path is from the straight way to its position at t."""
-    gamma = path.damping
-    # A path is off its chord by t^2/8 max |r''| at most, and with Gamma = damping
-    #     r'' = e^{-Gamma t} (f - Gamma v) + s (1 - e^{-Gamma t})/Gamma.
-    fastest = 0.125 * t * t
-    if gamma * gamma * fastest > 1.0:
-        # The first term dies away: all that it ever does to the position is its size at 0 over Gamma^2.
-        fastest = 1.0 / (gamma * gamma)
-    lasting = t if gamma * t < 1.0 else 1.0 / gamma
-    (vx, vy), (fx, fy), (sx, sy) = path.velocity, path.force, path.slope
-    # Bounds of lengths that take no root.
-    push = abs(fx - gamma * vx) + abs(fy - gamma * vy)
-    return fastest * push + 0.125 * t * t * lasting * (abs(sx) + abs(sy))
-
-
-@kernel
-def _next_part(edges: EdgeGrid, path: Path, left: float) -> _Part:
-    """The longest half, quarter, ... of what is left that few cells hold and that is nearly straight."""
-    t, size = left, 1.0 / edges.per_length
-    # Columns 0 to -1 are none.
-    position, velocity, columns, rows = path.position, path.velocity, (0, -1), (0, -1)
-    bend = np.inf
-    for _ in range(_MOST_HALVINGS):
-        position, velocity = _later(path, t)
-        # A position that is no number lies in no cell; the stepper reports it.
-        if not abs(position[0]) + abs(position[1]) < np.inf:
-            break
-        bend = _bend(path, t)
-        # The rectangle about both ends holds the straight way; the path is off it by the bend.
-        rim = bend + 4.0 * edges.margin
-        low, high = (
-            min(path.position[0], position[0]) - rim,
-            max(path.position[0], position[0]) + rim,
-        )
-        columns = column_of(edges, low), column_of(edges, high)
-        low, high = (
-            min(path.position[1], position[1]) - rim,
-            max(path.position[1], position[1]) + rim,
-        )
-        rows = row_of(edges, low), row_of(edges, high)
-        cells = (columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1)
-        if cells <= _MOST_CELLS and bend <= _BEND * size:
-            break
-        t *= 0.5
-    return _Part(t, position, velocity, bend, columns, rows)
-
-
-@kernel
-def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> float:
+def _meets(edges: EdgeGrid, e: int, path: Path, part: Part, gap: float) -> float:
     """When the path comes to edge e, of whose line it is `gap` away; infinite if it does not."""
     line = edges.lines[e]
     # The fluid lies on the left of an edge, and there the normal points.
@@ -219,7 +98,7 @@ def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> floa
     # It stands at the edge and moves against it, so that no time has to be searched.
     at_once = flight.position == 0.0 and flight.velocity + flight.noise <= 0.0
     t = 0.0 if at_once else time_of(flight, 0.0, False, beyond)
-    x, y = _later(path, t)[0]
+    x, y = later(path, t)[0]
     along = line[ALONG_X] * (x - line[X]) + line[ALONG_Y] * (y - line[Y])
     # Longer by the margin: no path slips through between two edges.
     within = -edges.margin <= along <= line[LENGTH] + edges.margin
@@ -227,7 +106,7 @@ def _meets(edges: EdgeGrid, e: int, path: Path, part: _Part, gap: float) -> floa
 
 
 @kernel
-def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> float:
+def _crosses(edges: EdgeGrid, e: int, path: Path, part: Part, gaps: Vector) -> float:
     """When the straight way to the part's end comes to edge e, `gaps` away first and last, or infinite."""
     line = edges.lines[e]
     before, after = gaps
@@ -246,7 +125,7 @@ def _crosses(edges: EdgeGrid, e: int, path: Path, part: _Part, gaps: Vector) -> 
 
 
 @kernel
-def _passes_beside(edges: EdgeGrid, line: Floats, path: Path, part: _Part) -> bool:
+def _passes_beside(edges: EdgeGrid, line: Floats, path: Path, part: Part) -> bool:
     """Whether all of a part lies before an edge's start or behind its stop, along its line: often so.
 
     A wall of many edges on one line is met at one of them, and the search for the time costs most.
@@ -259,7 +138,7 @@ def _passes_beside(edges: EdgeGrid, line: Floats, path: Path, part: _Part) -> bo
 
 
 @kernel
-def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
+def _edge_time(edges: EdgeGrid, e: int, path: Path, part: Part) -> float:
     """When a part of a path comes to edge e from its own side; infinite if it does not."""
     line = edges.lines[e]
     nx, ny = -line[ALONG_Y], line[ALONG_X]
@@ -284,7 +163,7 @@ def _edge_time(edges: EdgeGrid, e: int, path: Path, part: _Part) -> float:
 
 
 @kernel
-def _first_edge(edges: EdgeGrid, path: Path, part: _Part) -> tuple[int, float]:
+def _first_edge(edges: EdgeGrid, path: Path, part: Part) -> tuple[int, float]:
     """The edge that a part of a path comes to first, and when; -1 for none."""
     found, first = -1, np.inf
     for row in range(part.rows[0], part.rows[1] + 1):
@@ -380,17 +259,17 @@ def follow(edges: EdgeGrid, path: Path, time: float) -> End:
     # `last` is the edge of the last bounce, `since` how long ago that was.
     left, last, since, first, corner = time, -1, 0.0, -1, False
     for _ in range(_MOST_PARTS):
-        part = _next_part(edges, path, left)
+        part = next_part(edges, path, left)
         edge, t = _first_edge(edges, path, part)
         if edge < 0:
-            path = _moved(path, part.time, part.position, part.velocity)
+            path = moved(path, part.time, part.position, part.velocity)
             # The last part is all that is left: the difference is then 0 to the bit.
             left, since = left - part.time, since + part.time
             if not left > 0.0:
                 return _with_kick(path, time, -1, first, corner)
             continue
-        position, velocity = _later(path, t)
-        path = _moved(path, t, position, velocity)
+        position, velocity = later(path, t)
+        path = moved(path, t, position, velocity)
         left, since = left - t, since + t
         if edges.acts[edge] == SHIFTS:
             path, last = _shifted(edges, path, edge), -1

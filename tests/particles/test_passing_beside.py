@@ -8,13 +8,8 @@ from numpy.typing import NDArray
 from ellipsoid_coupling.compiled.jit import kernel
 from ellipsoid_coupling.geometry.edge_grid import ALONG_X, ALONG_Y, REFLECTS, EdgeGrid, X, Y
 from ellipsoid_coupling.geometry.edge_sorting import Edges, edge_grid
-from ellipsoid_coupling.particles.paths import (
-    Path,
-    _crosses,
-    _meets,
-    _next_part,
-    _passes_beside,
-)
+from ellipsoid_coupling.particles.path_parts import Path, next_part
+from ellipsoid_coupling.particles.paths import _crosses, _meets, _passes_beside
 
 Floats = NDArray[np.float64]
 DAMPING, TIME = 10.0, 0.02
@@ -37,7 +32,7 @@ def search(edges: EdgeGrid, starts: Floats, counts: NDArray[np.int64]) -> None:
     for i in range(len(starts)):
         x, y, u, v, f, g, s, r = starts[i]
         path = Path((x, y), (u, v), (f, g), (s, r), (0.1 * v, 0.1 * u), (0.0, 0.0), DAMPING)
-        part = _next_part(edges, path, TIME)
+        part = next_part(edges, path, TIME)
         for e in range(len(edges.lines)):
             line = edges.lines[e]
             nx, ny = -line[ALONG_Y], line[ALONG_X]

@@ -19,7 +19,8 @@ from ellipsoid_coupling.geometry.edge_grid import (
 )
 from ellipsoid_coupling.geometry.edge_sorting import Edges, edge_grid
 from ellipsoid_coupling.particles.bounces import Flight, fly
-from ellipsoid_coupling.particles.paths import End, Path, Vector, follow
+from ellipsoid_coupling.particles.path_parts import Path, Vector
+from ellipsoid_coupling.particles.paths import End, follow
 from tests.outlined_flows import PLATE, SQUARE, channel_outline, circle, corners, solid
 
 Floats = NDArray[np.float64]

@@ -4,7 +4,8 @@ Transport, source and damping along one axis look at a line's own cells and ghos
 once, stepped twice and put back; `well_balanced.py` has the scheme, `fluid_lines.py` the lines.
 
 The work of the forces stands in arrays of all lines, by plane: from each cell to the next one, 0 across
-what closes a line, and mirrored in ghosts of walls, as `hydrostatic_reconstruction.py` says.
+walls and mirrored in their ghosts, and going on where particles pass, as `hydrostatic_reconstruction.py`
+says.
 """
 
 from __future__ import annotations
@@ -124,24 +125,33 @@ def _set_line(
     pulls, potentials = (pull, offset(pull, 1)), (potential, offset(potential, 1))
     work, weights = rows_at(out, (_TILT, _REST), first), forces.weights
     ring = whole.lines.ring[number]
-    # Across what closes a line no work is done: there the array keeps tilt 1 and rest 0.
+    # Across a wall no work is done: there the array keeps tilt 1 and rest 0.
     set_run(pulls, potentials, weights, n if ring else n - 1, work)
     if ring:
         # The ghosts of a ring go on at its other end.
         copy_cells(offset(work, n - GHOSTS), offset(work, -GHOSTS), (1, 1), GHOSTS)
         copy_cells(work, offset(work, n), (1, 1), GHOSTS)
-    # A line of one cell has no neighbour within, and so no work to mirror.
+        return
+    # From the first cell and from the last but one; of a single cell what its own force does.
+    second, last_but_one = min(1, n - 1), max(n - 2, 0)
+    low = (pull, offset(pull, second)), (potential, offset(potential, second))
+    high = (
+        (offset(pull, last_but_one), offset(pull, n - 1)),
+        (offset(potential, last_but_one), offset(potential, n - 1)),
+    )
+    # In ghosts of walls the mirrored work, the other way; a single cell has none to mirror.
+    back = (-weights[0], -weights[1])
+    if not forces.mirrors[number, LOW]:
+        for g in range(GHOSTS):
+            set_run(low[0], low[1], weights, 1, offset(work, -1 - g))
     elif n > 1:
-        # In ghosts of walls the mirrored work, the other way.
-        back = (-weights[0], -weights[1])
         # g leads to the next cell: at the low end the outer ghost has it, at the high end the inner one.
-        if forces.mirrors[number, LOW]:
-            set_run(pulls, potentials, back, 1, offset(work, -GHOSTS))
-        if forces.mirrors[number, HIGH]:
-            # The work between the last two cells.
-            last = offset(pulls[0], n - 2), offset(pulls[1], n - 2)
-            over = offset(potentials[0], n - 2), offset(potentials[1], n - 2)
-            set_run(last, over, back, 1, offset(work, n))
+        set_run(low[0], low[1], back, 1, offset(work, -GHOSTS))
+    if not forces.mirrors[number, HIGH]:
+        for g in range(GHOSTS + 1):
+            set_run(high[0], high[1], weights, 1, offset(work, n - 1 + g))
+    elif n > 1:
+        set_run(high[0], high[1], back, 1, offset(work, n))
 
 
 @parallel_kernel

@@ -23,7 +23,7 @@ from ellipsoid_coupling.finite_volume.fluxes.in_fluid import FluidMotion
 from ellipsoid_coupling.finite_volume.grid import GHOSTS, Grid
 from ellipsoid_coupling.finite_volume.wall_cells import WallCells
 from ellipsoid_coupling.geometry.boundaries import Periodic, Reflect, at_side
-from ellipsoid_coupling.geometry.fluid_cells import NONE, SIDE, Faces, FluidCells
+from ellipsoid_coupling.geometry.fluid_cells import NONE, Faces, FluidCells
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -107,9 +107,9 @@ class Ends(NamedTuple):
 
     def of_faces(self, owner: Indices, side: int) -> Indices:
         """The boundary of each closed face, -1 of the others; side : that of the domain at this end."""
-        # The side stands last, where -1 points to; an edge has its own number.
+        # The side stands last, where -1 points to; an edge has its own number. There may be no edge at all.
         known = np.append(self.edge, self.sides[side])
-        return np.where(owner == NONE, -1, known[np.where(owner == SIDE, -1, owner)])
+        return np.where(owner == NONE, -1, known[np.where(owner < 0, -1, owner)])
 
     def reflects(self, boundary: Indices) -> Flags:
         """Whether particles turn round there; False where nothing closes."""

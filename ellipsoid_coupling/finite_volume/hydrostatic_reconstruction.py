@@ -3,11 +3,13 @@
     g = h/2 (F_i + F_{i+1}) + w (psi_i - psi_{i+1}),    psi = U * q, w = 1/m or 1/I_c
 
 The trapezoidal rule for fluid, outer potentials and walls, the difference itself for the
-interaction. Across a periodic side it is the work to the other side, across any other side 0; in
-wall ghosts it is the mirrored work with opposite sign:
+interaction. Across a periodic side it is the work to the other side. At a side that lets particles
+through it goes on as it is, for the force does not end there; across a wall it is 0, and in its ghosts
+the mirrored work with opposite sign:
 
-    cells     -2    -1  |  0     1     2 ...            | wall
-    work    -g_0     0  | g_0   g_1   g_2               g_i leads from cell i to cell i + 1
+    cells     -2    -1  |  0     1     2 ...            g_i leads from cell i to cell i + 1
+    work    -g_0     0  | g_0   g_1   g_2               | wall
+             g_0   g_0  | g_0   g_1   g_2               | let through
 """
 
 from __future__ import annotations
@@ -80,9 +82,14 @@ def set_run(
 def _source(padded: int, count: int, ends: tuple[int, int]) -> tuple[int, float]:
     """The cell whose work a padded one of `count` cells in space holds, and its sign, 0 for none."""
     own = padded - GHOSTS
-    # The last cell has work to the next one only across a periodic side.
     if 0 <= own < count - 1:
         return own, 1.0
+    # What comes in or goes out feels the force on both sides: with none beyond, half of it would be missing
+    # in the cell at the side, and its profile would lean the wrong way.
+    if ends[0] == PASSES and own < 0:
+        return 0, 1.0
+    if ends[1] == PASSES and own >= count - 1:
+        return max(count - 2, 0), 1.0
     if ends[0] == WRAPS and -GHOSTS <= own < count + GHOSTS:
         return own % count, 1.0
     # Ghosts -2 and -1 mirror cells 1 and 0: g_0, the other way. From -1 on the way leads across the wall.
@@ -142,7 +149,7 @@ def _set_along_x(
     row = (a + GHOSTS) * padded[0] + (j + GHOSTS) * padded[1]
     _set_between(forces, (a, j, 0), (a, j, 1), weights, nx - 1, out, row + GHOSTS)
     # Beyond a wall the mirror image: the same work, the other way. Beyond a periodic side that of the
-    # other one; the last cell's work then leads to the first cell.
+    # other one; the last cell's work then leads to the first cell. Else the work goes on.
     # Of a padded row both lower ghosts, the last cell, and both upper ghosts.
     for end in (0, 1, nx + 1, nx + GHOSTS, nx + GHOSTS + 1):
         i, sign = _source(end, nx, ends)

@@ -163,7 +163,7 @@ def test_the_largest_step_moves_the_fastest_cell_just_so_far(damped: bool, sound
 @pytest.mark.parametrize("ends", [PASSES, MIRRORS, WRAPS])
 @pytest.mark.parametrize("interacting", [False, True])
 def test_work_is_that_of_the_trapezoidal_rule(axis: int, ends: int, interacting: bool) -> None:
-    """Between all neighbours; nothing across a wall, mirrored in its ghosts; it goes on where edges are open."""
+    """Between all neighbours; nothing across a wall, mirrored in its ghosts; it goes on at open edges."""
     rng = np.random.default_rng(9)
     pull, half, weight = 6.0 * rng.standard_normal(GRID), 0.4, 1.5
     potential = rng.standard_normal((ANGLES // 2, ROWS, COLUMNS)) if interacting else None

@@ -83,8 +83,8 @@ def test_an_inlet_and_an_outlet_let_through_what_the_fluid_carries(drag: float) 
 
     The work of the drag is 5 and 100 from cell to cell, and goes on beyond both ends. Where it ended with
     the last cell, mass piled up there to eight times the density (drag 20) or four times (drag 400), and
-    a fifth of what should come in did not. A hundredth of the inflow is the difference between a Gaussian of
-    velocities that comes in and half of one.
+    a fifth of what should come in did not. The inflow lacks a hundredth: the ghost's Gaussian of velocities
+    is in the fluid, and a fifth of it flies backwards.
     """
     flow = FlowField.from_function(level, domain=((0.0, 4.0), (0.0, 1.0)), cells=16)
     scene = load_scene(TABLE).with_(

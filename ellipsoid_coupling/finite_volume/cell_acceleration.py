@@ -47,6 +47,8 @@ class CellTerms(NamedTuple):
     damping, angular_damping : float
         gamma + A^2/2, gamma_bar + B^2/2.
     inverse_mass, inverse_inertia : float
+    in_fluid : bool
+        Whether a fluid drags along what is in the cells.
     """
 
     steady: Floats | None
@@ -56,6 +58,7 @@ class CellTerms(NamedTuple):
     angular_damping: float
     inverse_mass: float
     inverse_inertia: float
+    in_fluid: bool = False
 
 
 class NoForces(NamedTuple):

@@ -4,12 +4,12 @@
 
 The trapezoidal rule for fluid, outer potentials and walls, the difference itself for the
 interaction. Across a periodic side it is the work to the other side. At a side that lets particles
-through it goes on as it is, for the force does not end there; across a wall it is 0, and in its ghosts
-the mirrored work with opposite sign:
+through it goes on as it is where there is a fluid, whose drag does not end there; else it is 0, and what
+is at rest stays. Across a wall it is 0, and in its ghosts the mirrored work with opposite sign:
 
     cells     -2    -1  |  0     1     2 ...            g_i leads from cell i to cell i + 1
     work    -g_0     0  | g_0   g_1   g_2               | wall
-             g_0   g_0  | g_0   g_1   g_2               | let through
+             g_0   g_0  | g_0   g_1   g_2               | let through, in a fluid
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 # says nothing about its neighbour.
 STEEPEST = 4.0
 # What an end of x or y does with the work.
-PASSES, MIRRORS, WRAPS = range(3)
+STOPS, MIRRORS, WRAPS, PASSES = range(4)
 WORK_AT: dict[AtSide, int] = {"leave": PASSES, "reflect": MIRRORS, "wrap": WRAPS}
 _RANGE = 0.5 * STEEPEST
 _EXP_RANGE = math.exp(_RANGE)
@@ -238,7 +238,7 @@ def set_work(
     axis : int
         -1 for x, -2 for y, -3 for the angle, which is periodic.
     ends : (int, int)
-        What the lower and the upper end of x or y do: PASSES, MIRRORS or WRAPS.
+        What the lower and the upper end of x or y do: STOPS, MIRRORS, WRAPS or PASSES.
     weights : (float, float)
         h/2 and w.
     out : (2, (na + 4) (ny + 4) (nx + 4))

@@ -48,6 +48,8 @@ from ellipsoid_coupling.finite_volume.fluxes import FluxMaker
 from ellipsoid_coupling.finite_volume.fluxes.contract import Flux, in_order
 from ellipsoid_coupling.finite_volume.fluxes.kinetic import SIGNAL, Limits
 from ellipsoid_coupling.finite_volume.hydrostatic_reconstruction import (
+    PASSES,
+    STOPS,
     WORK_AT,
     WRAPS,
     set_ahead,
@@ -242,8 +244,10 @@ class WellBalancedHeun:
         """What the ends of an axis do with the work, see `set_work`."""
         if axis == -3:
             return WRAPS, WRAPS
-        low, high = self._system.ghosts.kinds.ends(axis)
-        return WORK_AT[at_side(low)], WORK_AT[at_side(high)]
+        low, high = (WORK_AT[at_side(kind)] for kind in self._system.ghosts.kinds.ends(axis))
+        if not self._system.terms.in_fluid:
+            low, high = (STOPS if end == PASSES else end for end in (low, high))
+        return low, high
 
     def _weight(self, axis: int) -> float:
         terms = self._system.terms

@@ -213,6 +213,7 @@ def scene_cell_terms(
         angular_damping=float(rates.damping[2]) if turns else 0.0,
         inverse_mass=1.0 / scene.particles.mass,
         inverse_inertia=1.0 / scene.particles.inertia,
+        in_fluid=external.fluid is not None and external.fluid.drag > 0.0,
     )
 
 

@@ -12,7 +12,6 @@ from benchmark_tools import Floats, Row, Sizes, seconds, step_seconds, with_thre
 
 from ellipsoid_coupling import load_scene, simulate
 from ellipsoid_coupling.compare import errors_against, exact_reference
-from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS
 from ellipsoid_coupling.compiled.threads import for_each
 from ellipsoid_coupling.interaction.pairs.cells import cell_grid, sort_by_cell
 from ellipsoid_coupling.interaction.pairs.pair_sum import Pairs, add_pair_forces
@@ -29,7 +28,7 @@ SHAPE = potential_shape(LENGTH, WIDTH)
 NEIGHBOURS = 60
 
 
-@numba.njit(error_model="numpy", fastmath=KERNEL_OPTIONS["fastmath"])
+@numba.njit(error_model="numpy", fastmath=False)
 def all_pairs(place: Floats, shape: PotentialShape, force: Floats) -> int:
     """The plain rival: the formula for every pair; returns how many are within reach."""
     within = 0

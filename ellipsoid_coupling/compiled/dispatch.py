@@ -29,13 +29,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
 from numba.core import types
-from numba.extending import overload
 
-from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, leave_uncached
+from ellipsoid_coupling.compiled.kernel_cache import leave_uncached
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_OPTIONS: Any = KERNEL_OPTIONS
 _PACKAGE = __name__.partition(".")[0]
 _ABSENT = type(None)
 
@@ -118,7 +117,7 @@ def register_formula(
 
     # Numba looks at the names of the arguments.
     vars(choose)["__signature__"] = inspect.signature(source)
-    overload(function, inline="always", strict=False, jit_options=_OPTIONS)(choose)
+    in_kernels(function)(choose)
 
 
 def compile_choice(declared: Callable[..., Any], formula: Callable[..., Any]) -> None:
@@ -146,4 +145,4 @@ def compile_choice(declared: Callable[..., Any], formula: Callable[..., Any]) ->
 
         return first
 
-    overload(declared, strict=False, jit_options=_OPTIONS)(choose)
+    in_kernels(declared, inlined=False)(choose)

@@ -6,7 +6,9 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
+
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 
 # Numba ships half of its types: this function has none.
 _get_function: Any = cgutils.get_or_insert_function
@@ -31,7 +33,7 @@ def _fma(context: Any, a: Any, b: Any, c: Any) -> Any:
 _compiled_fma: Any = intrinsic(_fma)
 
 
-@overload(fma, inline="always", strict=False)
+@in_kernels(fma)
 def _choose_fused(a: Any, b: Any, c: Any) -> Any:
     del a, b, c
     return lambda a, b, c: _compiled_fma(a, b, c)

@@ -19,7 +19,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, cast, overload
 
 import numba
-from numba.core import caching, compiler
+from numba.core import compiler
+
+from ellipsoid_coupling.compiled.kernel_forms import two_forms
 
 # Registers the listener that tells of every kernel that is compiled.
 from ellipsoid_coupling.compiled.threading_layer import layer
@@ -29,15 +31,6 @@ from ellipsoid_coupling.files.cache import kernel_folder
 _compiler: Any = compiler.Compiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-# Strict floating point. With re-association or contraction the compiler rounds as it likes, and not
-# alike in a process that compiles a kernel and in one that loads it from the cache: the linker may
-# then choose another copy of an inner kernel. Sums whose order may be free are written in lanes, and
-# fused multiply-adds as `intrinsics.fma`, so that this costs little.
-KERNEL_OPTIONS: dict[str, Any] = {
-    "error_model": "numpy",
-    "fastmath": False,
-}
 
 
 def _source_hash() -> str:
@@ -59,48 +52,12 @@ def cache_folder() -> Path:
     return Path(_config.CACHE_DIR)
 
 
-# Types whose formulas come from outside of the package, see `leave_uncached`.
-_uncached: set[type[Any]] = set()
-
-
-def leave_uncached(kind: type[Any]) -> None:
-    """Compile whatever takes an argument of type `kind`, a NamedTuple, anew in every session."""
-    _uncached.add(kind)
-
-
-def _is_uncached(kind: Any) -> bool:
-    """Whether a type of numba's is one of these, or holds one."""
-    return getattr(kind, "instance_class", None) in _uncached or any(
-        map(_is_uncached, getattr(kind, "types", ()))
-    )
-
-
-def _goes_to_disk(signature: Any) -> bool:
-    return not any(map(_is_uncached, getattr(signature, "args", signature)))
-
-
-def _load(cache: Any, signature: Any, context: Any) -> Any:
-    return (
-        super(_Cache, cache).load_overload(signature, context) if _goes_to_disk(signature) else None
-    )
-
-
-def _save(cache: Any, signature: Any, result: Any) -> None:
-    if _goes_to_disk(signature):
-        super(_Cache, cache).save_overload(signature, result)
-
-
-_FunctionCache: Any = caching.FunctionCache
-_Cache: Any = type("_Cache", (_FunctionCache,), {"load_overload": _load, "save_overload": _save})
-
-
-def _compiled(function: Function, **options: Any) -> Function:
+def _compiled(function: Function, passes: Any = _compiler, **options: Any) -> Function:
     """Compile `function` with numba, into a cache that leaves out what comes from outside."""
-    made: Any = numba.njit(nogil=True, **(KERNEL_OPTIONS | options))(function)
     # With compilation switched off, kernels are what Python runs.
-    if made is not function:
-        made._cache = _Cache(function)
-    return cast(Function, made)
+    if _config.DISABLE_JIT:
+        return function
+    return cast(Function, two_forms(function, passes, {"nogil": True} | options))
 
 
 def _set_noalias(pipeline: Any) -> Any:
@@ -137,7 +94,7 @@ def kernel(function: Any = None, *, noalias: bool = False) -> Any:
         return _compiled(function)
 
     def decorate(decorated: Function) -> Function:
-        return _compiled(decorated, _nrt=False, pipeline_class=_NoaliasCompiler)
+        return _compiled(decorated, _NoaliasCompiler, _nrt=False)
 
     return decorate
 

@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from numba.extending import register_jitable
-
-from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-# Numba ships half of its types: this has none.
-_register: Any = register_jitable
 
 
 def jitable(function: Function) -> Function:
@@ -21,5 +16,10 @@ def jitable(function: Function) -> Function:
     For an algorithm whose parts are kernels in one place and Python in another, by the types of its
     arguments: it is written once (`dispatch.chosen_by_type` chooses the parts).
     """
-    registered: Function = _register(**KERNEL_OPTIONS)(function)
-    return registered
+
+    def choose(*arguments: Any) -> Function:
+        del arguments
+        return function
+
+    in_kernels(function, inlined=False, cached=True)(choose)
+    return function

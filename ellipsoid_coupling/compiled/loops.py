@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba.extending import overload
-
-from ellipsoid_coupling.compiled.jit import KERNEL_OPTIONS, inline_kernel
+from ellipsoid_coupling.compiled.jit import inline_kernel
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 from ellipsoid_coupling.compiled.rows import Rows, prefetch
 from ellipsoid_coupling.compiled.simd_vectors import DOUBLES
 from ellipsoid_coupling.compiled.tuning import CACHE_LINES_AT_ONCE
-
-_OPTIONS: Any = KERNEL_OPTIONS
 
 
 @inline_kernel
@@ -33,7 +30,7 @@ def over_row(width: int, formula: Callable[..., None], arguments: tuple[Any, ...
         formula(i, *arguments)
 
 
-@overload(over_row, inline="always", strict=False, jit_options=_OPTIONS)
+@in_kernels(over_row)
 def _choose_over_row(width: Any, formula: Any, arguments: Any) -> Any:
     del width, formula, arguments
 

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 from numba.core import cgutils, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from ellipsoid_coupling.compiled.jit import inline_kernel
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 
 # Numba ships half of its types: these have none.
 _variable: Any = cgutils.alloca_once_value
@@ -107,13 +108,13 @@ _compiled_pack: Any = intrinsic(_pack)
 _compiled_unpack: Any = intrinsic(_unpack)
 
 
-@overload(pack, inline="always", strict=False)
+@in_kernels(pack)
 def _choose_pack(value: Any) -> Any:
     del value
     return lambda value: _compiled_pack(value)
 
 
-@overload(unpack, inline="always", strict=False)
+@in_kernels(unpack)
 def _choose_unpack(packed: Any) -> Any:
     del packed
     return lambda packed: _compiled_unpack(packed)

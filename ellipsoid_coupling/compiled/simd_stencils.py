@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 from ellipsoid_coupling.compiled.simd_vectors import (
     DOUBLES,
     VECTOR,
@@ -117,7 +118,7 @@ def _sum_stencil(
 _compiled_sum_stencil: Any = intrinsic(_sum_stencil)
 
 
-@overload(sum_stencil, inline="always", strict=False)
+@in_kernels(sum_stencil)
 def _choose_sum_stencil(nodes: Any, at: Any, along_y: Any, along_x: Any, factors: Any) -> Any:
     del at, along_y, along_x
     if any(array.layout != "C" for array in (nodes, factors)):
@@ -174,7 +175,7 @@ def _add_stencil(context: Any, nodes: Any, at: Any, along_y: Any, along_x: Any, 
 _compiled_add_stencil: Any = intrinsic(_add_stencil)
 
 
-@overload(add_stencil, inline="always", strict=False)
+@in_kernels(add_stencil)
 def _choose_add_stencil(nodes: Any, at: Any, along_y: Any, along_x: Any, basis: Any) -> Any:
     del at, along_y, along_x
     if any(array.layout != "C" for array in (nodes, basis)) or nodes.dtype != types.float64:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from ellipsoid_coupling.compiled.intrinsics import emit_prefetch
+from ellipsoid_coupling.compiled.kernel_forms import in_kernels
 from ellipsoid_coupling.compiled.simd_vectors import (
     LINE,
     blocks_of,
@@ -127,7 +128,7 @@ def _add_products(
 _compiled_sum_products: Any = intrinsic(_sum_products)
 
 
-@overload(sum_products, inline="always", strict=False)
+@in_kernels(sum_products)
 def _choose_sum_products(factors: Any, which: Any, sources: Any, sums: Any) -> Any:
     # Anything else than contiguous arrays would be read as if it were one.
     if any(array.layout != "C" for array in (factors, which, sources, sums)):
@@ -205,7 +206,7 @@ def _sum_rows(context: Any, weights: Any, rows: Any, sums: Any) -> Any:
 _compiled_sum_rows: Any = intrinsic(_sum_rows)
 
 
-@overload(sum_rows, inline="always", strict=False)
+@in_kernels(sum_rows)
 def _choose_sum_rows(weights: Any, rows: Any, sums: Any) -> Any:
     arrays = weights, rows, sums
     if any(array.layout != "C" or array.dtype != rows.dtype for array in arrays):

@@ -144,7 +144,9 @@ class FluidLines(NamedTuple):
     fastest : float
         The largest velocity, summed over both faces, by which a cell empties along an axis.
     walls : WallCells or None
-        The cells at tilted walls; None where there are none, or of systems with a pressure.
+        The cells at tilted walls; None where there are none.
+    slides : bool
+        Whether they lose what goes into the walls: in systems without pressure, see `wall_cells`.
     """
 
     inside: Flags
@@ -155,6 +157,7 @@ class FluidLines(NamedTuple):
     motion: dict[int, FluidMotion | None]
     fastest: float
     walls: WallCells | None = None
+    slides: bool = False
 
     @property
     def has_inflow(self) -> bool:
@@ -184,13 +187,13 @@ class FluidLines(NamedTuple):
         if motion is None:
             return None
         motion = motion._replace(follows=follows, second=float(second))
-        if self.walls is None or follows in (0.0, 1.0):
+        if self.walls is None or not self.slides or follows in (0.0, 1.0):
             return motion
         return self.walls.with_all_fluid(motion, axis)
 
     def slide(self, fields: Floats, velocities: tuple[int, ...], in_fluid: bool) -> None:
         """Take what goes into tilted walls; see `WallCells.slide`."""
-        if self.walls is not None:
+        if self.walls is not None and self.slides:
             self.walls.slide(fields, velocities, self.motion, in_fluid)
 
 

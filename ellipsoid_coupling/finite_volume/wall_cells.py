@@ -62,6 +62,18 @@ class WallCells(NamedTuple):
         )
         return motion._replace(lower=lower, upper=upper)
 
+    def crowd(self, density: Floats, inside: Flags) -> tuple[float, float]:
+        """Which part of the mass lies in them, and which part of the fluid's cells they are.
+
+        Parameters
+        ----------
+        density : (planes, ny + 4, nx + 4) float64, padded
+        inside : (ny, nx) bool, the fluid's cells
+        """
+        total = float(density[:, GHOSTS:-GHOSTS, GHOSTS:-GHOSTS].sum())
+        held = float(density.reshape(len(density), -1)[:, self.cell].sum())
+        return (held / total if total > 0.0 else 0.0), self.cell.size / np.count_nonzero(inside)
+
     def slide(
         self,
         fields: Floats,

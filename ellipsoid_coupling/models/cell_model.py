@@ -27,12 +27,12 @@ from ellipsoid_coupling.finite_volume.splitting import (
     OverdampedHeun,
     Stepper,
 )
-from ellipsoid_coupling.finite_volume.system import System
+from ellipsoid_coupling.finite_volume.system import DENSITY, System
 from ellipsoid_coupling.finite_volume.well_balanced import WellBalancedHeun
 from ellipsoid_coupling.models.base import Arrays, Counts, Health, Setup, listed
 from ellipsoid_coupling.models.failure_site import FailureSite
 from ellipsoid_coupling.models.kind import ModelKind
-from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_start
+from ellipsoid_coupling.models.run_warnings import as_counts, of_crossing, of_start, of_tilted_walls
 from ellipsoid_coupling.models.schemes import SchemeName
 from ellipsoid_coupling.stepping.status import MEANING, RUNNING
 from ellipsoid_coupling.stepping.step_control import (
@@ -247,4 +247,9 @@ class CellModel(ABC):
     def warnings(self) -> list[str]:
         """Sentences for `Result.warnings`."""
         crossing = [] if self._crossing is None else of_crossing(self._crossing.time)
-        return of_start(self._setup.scene) + crossing
+        lines = self.cells.lines
+        if lines is None or lines.walls is None:
+            return of_start(self._setup.scene) + crossing
+        density = self.cells.fields[self.cells.system.place(DENSITY)]
+        crowd = lines.walls.crowd(density, lines.inside)
+        return of_start(self._setup.scene) + crossing + of_tilted_walls(*crowd, lines.slides)

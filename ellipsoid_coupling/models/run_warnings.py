@@ -10,6 +10,10 @@ from collections.abc import Sequence
 
 from ellipsoid_coupling.scenes import Scene
 
+# Which part of the mass at tilted walls is told, and how many times denser than all of the fluid it is: an
+# even density lies there as anywhere, and nothing presses it.
+_MASS_AT_WALLS, _CROWDED = 0.1, 2.0
+
 
 def as_counts(*warnings: Sequence[str]) -> dict[str, str]:
     """The attribute `warnings` of the result file, one line each; no attribute without warnings."""
@@ -61,4 +65,23 @@ def of_one_angle(scene: Scene, turns: bool) -> list[str]:
     return [
         f"Circles of diameter {scene.particles.length:g} look the same at every angle: this model does "
         "not follow it, and its distribution of the angle is even."
+    ]
+
+
+def of_tilted_walls(mass: float, cells: float, slides: bool) -> list[str]:
+    """Where much of the mass lies in the cells at walls that are tilted to the grid.
+
+    Parameters
+    ----------
+    mass, cells : float
+        Which part of the mass they hold, and which part of the fluid's cells they are.
+    slides : bool
+        Whether they lose what goes into the wall, see `finite_volume.wall_cells`.
+    """
+    if mass < max(_MASS_AT_WALLS, _CROWDED * cells):
+        return []
+    off = "some 5 to 15 % off" if slides else "some 25 to 30 % too slow"
+    return [
+        f"{mass:.0%} of the mass lies in cells at walls that are tilted to the grid: what a force presses "
+        f"against them is {off} along them, on any grid. Compare with mckean_vlasov."
     ]

@@ -173,11 +173,12 @@ def staircase_lines(setup: Setup, stairs: Staircase, grid: QGrid, system: System
     }
     fastest = share * max(faces.fastest for faces in stairs.faces.values())
     walls = None
-    if stairs.outline is not None and system.pressure == 0.0:
+    if stairs.outline is not None:
         walls = wall_cells(stairs.cells, stairs.ends, stairs.outline.normals(), tables)
     return FluidLines(
-        stairs.cells.inside, stairs.ends.names, kinds, tables, carried, motion, fastest, walls
-    )
+        stairs.cells.inside, stairs.ends.names, kinds, tables, carried, motion, fastest,
+        walls, slides=system.pressure == 0.0,
+    )  # fmt: skip
 
 
 def scene_moving_lines(

@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import ellipsoid_coupling as ec
 from tests.workflows.test_workflows import workflow
 
 
@@ -56,6 +57,20 @@ def test_mass_slides_along_a_tilted_wall(
     """It stayed where it landed, 0.29 of the way; with the fluid of its faces it is 5 % ahead on stairs."""
     assert tilted.main(["--models", "diffusive", "--tilts", "30", "--cells", "0.1"]) == 0
     assert abs(parts_of(tilted, capsys.readouterr().out)[0] - 1.0) < 0.06
+
+
+def test_a_run_says_that_its_mass_lies_at_a_tilted_wall(tilted: ModuleType) -> None:
+    """Pressed against it most of it does; none of an even density, and none at a wall along the grid."""
+    way = tilted.direction(30.0)
+    pressed = tilted.tilted_scene(way, 0.1, 1.0)
+    (said,) = ec.simulate(pressed, "diffusive", flow=tilted.channel(way)).warnings
+    assert "of the mass lies in cells at walls that are tilted" in said
+    assert int(said.partition("%")[0]) > 60
+    free = tilted.tilted_scene(way, 0.1, 0.0)
+    assert ec.simulate(free, "diffusive", flow=tilted.channel(way)).warnings == []
+    way = tilted.direction(0.0)
+    along = tilted.tilted_scene(way, 0.1, 1.0)
+    assert ec.simulate(along, "diffusive", flow=tilted.channel(way)).warnings == []
 
 
 @pytest.mark.heavy

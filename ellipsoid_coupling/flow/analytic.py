@@ -44,22 +44,34 @@ LINEAR_FLOWS = {
 
 _STREAM_FUNCTIONS: dict[str, StreamFunction] = {}
 
-# The one cell is [-HALF, HALF]^2: near the size of the scenes, so that rounding stays rounding.
+# The one cell is [-HALF, HALF]^2 for places up to that and down to an eighth of 1, which the scenes' are;
+# for others it is as large as their largest coordinate. Far beyond it, and far within, digits cancel.
 HALF = 8.0
 
 
-def linear_flow(gradient: LinearFlow) -> FlowField:
-    """The flow u = G r, defined everywhere, exact to rounding near the scenes' size."""
-    h = 2.0 * HALF
+def reach_of(domain: Rectangle) -> float:
+    """The largest coordinate of a rectangle."""
+    return max(abs(end) for ends in domain for end in ends)
+
+
+def linear_flow(gradient: LinearFlow, reach: float = 1.0) -> FlowField:
+    """The flow u = G r, defined everywhere, exact to rounding at the places it is for.
+
+    reach : float
+        The largest coordinate of these places.
+    """
+    within = 1.0 / HALF <= reach <= HALF
+    half = HALF if within else 2.0 ** math.ceil(math.log2(reach))
+    h = 2.0 * half
     # A quadratic's B-spline coefficient is its value at the node, less h^2/6 times its Laplacian.
-    nodes = HALF * np.array([-3.0, -1.0, 1.0, 3.0])
+    nodes = half * np.array([-3.0, -1.0, 1.0, 3.0])
     y, x = np.meshgrid(nodes, nodes, indexing="ij")
     xx, xy, yx, formula = gradient
     psi = xx * x * y + 0.5 * xy * y**2 - 0.5 * yx * x**2
     coefficients = psi - h**2 / 6.0 * (xy - yx)
     everywhere = (-math.inf, math.inf, -math.inf, math.inf)
     mask = np.ones((1, 1), np.uint8)
-    arrays = FlowArrays(coefficients, -HALF, -HALF, 1.0 / h, 1.0 / h, *everywhere, mask)
+    arrays = FlowArrays(coefficients, -half, -half, 1.0 / h, 1.0 / h, *everywhere, mask)
     return FlowField(arrays, f"formula {formula}")
 
 
@@ -104,7 +116,7 @@ def analytic_flow(
     parameters : mapping, optional
         Numbers by name.
     domain : ((x_low, x_high), (y_low, y_high))
-        Where a flow that is not linear is sampled.
+        Where a flow that is not linear is sampled, and a linear one keeps its digits.
     cells : int
         Of the spline a side, 4 at least: psi is exact to the fourth order of their size, u and its
         gradient to the third and second.
@@ -117,7 +129,7 @@ def analytic_flow(
     given = dict(parameters or {})
     if name in LINEAR_FLOWS:
         _check_parameters(name, given, {})
-        return linear_flow(LINEAR_FLOWS[name])
+        return linear_flow(LINEAR_FLOWS[name], 1.0 if domain is None else reach_of(domain))
     if name not in _STREAM_FUNCTIONS:
         raise InputError(
             "analytic flow", "one of " + ", ".join(_known_flows()), repr(name),

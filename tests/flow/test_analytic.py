@@ -23,6 +23,22 @@ def test_linear_flow_is_exact(name: str) -> None:
     assert sample.inside.all()
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1.0, 1e6, 1e9, 2.0**150])
+@pytest.mark.parametrize("name", LINEAR_FLOWS)
+def test_it_keeps_its_digits_in_any_unit(name: str, size: float) -> None:
+    """All over the domain that it is for, 1e-14 of the largest velocity; of one far away likewise."""
+    flow = LINEAR_FLOWS[name]
+    for low, high in ((-1.0, 1.0), (0.9, 1.0)):
+        side = low * size, high * size
+        x, y = np.random.default_rng(0).uniform(*side, (2, 500))
+        sample = analytic_flow(name, domain=(side, side)).evaluate(x, y)
+        off = 1e-14 * size
+        np.testing.assert_allclose(sample.velocity_x, flow.xx * x + flow.xy * y, atol=off)
+        np.testing.assert_allclose(sample.velocity_y, flow.yx * x - flow.xx * y, atol=off)
+        np.testing.assert_allclose(sample.dux_dy, flow.xy, atol=1e-12)
+        np.testing.assert_allclose(sample.duy_dx, flow.yx, atol=1e-12)
+
+
 def test_nan_is_outside_even_without_bounds() -> None:
     assert not analytic_flow("rotation").evaluate(np.nan, 0.0).inside.item()
 

@@ -17,7 +17,7 @@ SCHEMES = ("paper", "accurate")
 def scene(unit: float, cells: int = 8) -> ec.Scene:
     """Ellipses in both potentials and between walls; a length of 1 is `unit` long.
 
-    A fluid without drag makes the terms those of `small_runs.WALLS`, for which kernels are there.
+    The terms are those of `small_runs.WALLS`, for which kernels are there.
     """
     box = [-0.5 * unit, 0.5 * unit]
     start = [-0.25 * unit, 0.25 * unit]
@@ -34,7 +34,7 @@ def scene(unit: float, cells: int = 8) -> ec.Scene:
         "start": {"x": start, "y": start, "angle": 0.3},
         "interaction": {"strength": unit * unit},
         "walls": {},
-        "flow": {"source": "closed_form", "field": "rotation", "drag": 0.0, "angular_drag": 0.0},
+        "flow": {"source": "closed_form", "field": "rotation", "drag": 1.0, "angular_drag": 1.0},
         "outer_potential": {"stiffness": 4.0},
         "angular_potential": {"amplitude": 1.0},
         "numerics": {

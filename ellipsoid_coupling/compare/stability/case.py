@@ -11,8 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ellipsoid_coupling.flow import FlowField, analytic_flow
-from ellipsoid_coupling.flow.analytic import LinearFlow, linear_flow
+from ellipsoid_coupling.flow import FlowField
+from ellipsoid_coupling.flow.analytic import (
+    LinearFlow,
+    closed_form_flow,
+    linear_flow,
+    reach_of,
+)
 from ellipsoid_coupling.models import ModelKind
 from ellipsoid_coupling.scenes import Scene, scene_from_table, set_key
 
@@ -129,8 +134,9 @@ class Case:
         if scene.flow is None:
             return None
         if self.gradient == 1.0:
-            return analytic_flow(scene.flow.name)
-        return linear_flow(_FAST[scene.flow.name](self.gradient))
+            return closed_form_flow(scene.flow, scene.domain)
+        reach = reach_of((scene.domain.x, scene.domain.y))
+        return linear_flow(_FAST[scene.flow.name](self.gradient), reach)
 
 
 _FAST = {

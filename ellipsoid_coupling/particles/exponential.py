@@ -15,12 +15,13 @@ is kept below the tolerance, the worst one below `local_error.WORST` times that.
 long that particles pass one another unseen (`collisions`).
 
 The position's correction takes energy out, dt^3/12 of it a step. Without drag nothing else does: there
-c = 0, which is velocity Verlet, time-reversible, and keeps the energy but for a ripple of order dt^2. Any
-change of the step breaks that, so without drag and noise the step is held: it halves and doubles only when
-the tolerance asks for it and allows it, and ever more seldom (`held_step`). Over 1000 oscillations of V1 at
-a tolerance of 1e-4 the energy stays within 2.5e-3, which is the ripple, and its mean moves by 1e-6. A swing
-into a wall of strength 1e6 and back at a tolerance of 1e-8 takes 2200 steps and changes the energy by 2e-6
-of 0.32: the changes on the way in and on the way out nearly cancel.
+c = 0, which is velocity Verlet, time-reversible, and keeps the energy but for a ripple of order dt^2. Drag
+so weak that z < 0.001 takes out less than the correction would: there c = 1 - e^{-z} as well. Any change
+of the step breaks that, so with so little drag and without noise the step is held: it halves and doubles
+only when the tolerance asks for it and allows it, and ever more seldom (`held_step`). Over 1000
+oscillations of V1 at a tolerance of 1e-4 the energy stays within 2.5e-3, which is the ripple, and its
+mean moves by 1e-6. A swing into a wall of strength 1e6 and back at a tolerance of 1e-8 takes 2200 steps
+and changes the energy by 2e-6 of 0.32: the changes on the way in and on the way out nearly cancel.
 
 With noise no step is repeated for what came out of it: that would select the noise, and bias it. The
 first step is chosen before: it is tried with all noise at plus or minus one standard deviation. The
@@ -51,6 +52,7 @@ from ellipsoid_coupling.particles.collisions import Cloud, collision_step
 from ellipsoid_coupling.particles.fates import part_inside
 from ellipsoid_coupling.particles.forces import BlockForces, set_block_forces
 from ellipsoid_coupling.particles.frozen import frozen_row
+from ellipsoid_coupling.particles.linear import HARDLY_DAMPED
 from ellipsoid_coupling.particles.local_error import largest_error, squared_errors
 from ellipsoid_coupling.particles.own_clock import own_clock
 from ellipsoid_coupling.particles.predict_correct import accept_step, predict_step
@@ -135,15 +137,15 @@ def _examine(group: Group, t: float, dt: float) -> tuple[float, int]:
 
 
 @kernel
-def _is_held(noise: Floats | None, rates: Rates) -> bool:
-    """Whether nothing but changes of the step changes the energy."""
-    return noise is None and rates.damping.max() == 0.0
+def _is_held(noise: Floats | None, rates: Rates, dt: float) -> bool:
+    """Whether hardly anything but changes of the step changes the energy."""
+    return noise is None and rates.damping.max() * dt < HARDLY_DAMPED
 
 
 @kernel
 def _next_step(clock: Floats, noise: Floats | None, rates: Rates, dt: float, error: float) -> float:
     """The step to plan after one of dt that was taken."""
-    if _is_held(noise, rates):
+    if _is_held(noise, rates, dt):
         return float(held_step(clock, dt, error))
     return float(dt * step_factor(error))
 
@@ -151,7 +153,7 @@ def _next_step(clock: Floats, noise: Floats | None, rates: Rates, dt: float, err
 @kernel
 def _shorter_step(rates: Rates, dt: float, error: float) -> float:
     """The step to plan after one of dt that was refused, which none with noise is."""
-    if _is_held(None, rates):
+    if _is_held(None, rates, dt):
         return float(halved_step(dt, error))
     return float(dt * step_factor(error))
 

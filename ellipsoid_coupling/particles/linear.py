@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 # Below this z the closed forms lose digits to cancellation; the series does not. From 0.5 on they keep
 # 14 digits, and 14 terms of the series reach rounding.
 _SERIES_BELOW = 0.5
+# Drag that damps less than this a step takes less energy than the position's correction would, see
+# `exponential`: there the correction is left out, as without drag.
+HARDLY_DAMPED = 1e-3
 
 
 class LinearStep(NamedTuple):
@@ -83,7 +86,7 @@ def linear_step(damping: float, noise: float, dt: float) -> LinearStep:
     phi1, phi2, phi3 = phi_functions(z)
     spread, shared, own = 0.0, 0.0, 0.0
     # The correction's damping of the energy is that of the scheme; see `exponential` on c = 1 - e^{-z}.
-    corrected = z * phi1 if noise > 0.0 or damping == 0.0 else 1.0
+    corrected = z * phi1 if noise > 0.0 or z < HARDLY_DAMPED else 1.0
     if noise > 0.0:
         # Var(W_n) = A^2 (1 - e^{-2z})/(2 Gamma), Cov(R_n, W_n) = A^2 (1 - e^{-z})^2/(2 Gamma^2).
         velocity_variance = noise * noise * dt * phi_functions(2.0 * z)[0]

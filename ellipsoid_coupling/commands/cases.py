@@ -95,4 +95,5 @@ def new(
         scene_schema.write_schema(out.with_name(scene_schema.SCHEMA_FILE))
         text = f"{scene_schema.SCHEMA_LINE}\n{text}"
     new_scene.write_scene(text, out)
-    print_lines(f"{out} is written. Look through it, then:", *new_scene.next_commands(out, case))
+    then = new_scene.next_commands(out, case, allow_misfit=allow_misfit)
+    print_lines(f"{out} is written. Look through it, then:", *then)

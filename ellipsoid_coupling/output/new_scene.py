@@ -252,8 +252,9 @@ def _kicks(scale: float, drag: float) -> tuple[float, float]:
     return noise, noise / math.sqrt(2.0 * drag + noise**2)
 
 
-def next_commands(scene: Path, case: Path) -> Iterator[str]:
-    """What to type next."""
+def next_commands(scene: Path, case: Path, *, allow_misfit: bool = False) -> Iterator[str]:
+    """What to type next; a flow that is far off the solver's U is taken there as it was here."""
     given = f"{shlex.quote(str(scene))} --flow {shlex.quote(str(case))}"
+    given += " --allow-misfit" if allow_misfit else ""
     yield f"  ellipsoid plan {given} --model microscopic"
     yield f"  ellipsoid run {given} --model microscopic"

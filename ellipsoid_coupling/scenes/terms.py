@@ -111,8 +111,8 @@ def _surroundings(scene: Scene) -> list[Term]:
         ),
         Term(
             "reflection",
-            scene.has_sides("reflect"),
-            _sides_in_words(scene),
+            scene.has_sides("reflect") or bool(_reflecting_patches(scene)),
+            _boundaries_in_words(scene),
         ),
         Term(
             "gravity",
@@ -134,11 +134,22 @@ def _surroundings(scene: Scene) -> list[Term]:
     ]
 
 
-def _sides_in_words(scene: Scene) -> str:
-    """The kinds of the sides: "domain.boundary is open", or side by side."""
+def _boundaries_in_words(scene: Scene) -> str:
+    """The kinds of the sides: "domain.boundary is open", or side by side; then the patches that reflect."""
     if scene.boundaries is None:
         return f"domain.boundary is {scene.domain.boundary}"
-    return ", ".join(f"{side.kind} on the {name}" for name, side in scene.sides.items())
+    kinds = [f"{side.kind} on the {name}" for name, side in scene.sides.items()]
+    patches = _reflecting_patches(scene)
+    if patches:
+        kinds.append(
+            f"reflect at the patch{'es' if len(patches) > 1 else ''} {' and '.join(patches)}"
+        )
+    return ", ".join(kinds)
+
+
+def _reflecting_patches(scene: Scene) -> list[str]:
+    """The patches in [boundaries] at which particles turn round."""
+    return [name for name, part in scene.named_patches.items() if part.particles == "reflect"]
 
 
 def _noise_terms(scene: Scene, *, random_motion: bool) -> list[Term]:

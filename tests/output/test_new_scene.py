@@ -224,6 +224,18 @@ def test_the_command_writes_once_and_tells_what_to_do(
     assert out.read_text() != before
 
 
+def test_a_misfit_that_is_allowed_here_is_allowed_in_what_comes_next(
+    saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A flow far off U would be refused there otherwise; nothing is added without the option."""
+    for options, added in (([], ""), (["--allow-misfit"], " --allow-misfit")):
+        out = tmp_path / f"{len(options)}.toml"
+        assert status_of("new", str(saved), "--out", str(out), *options) == 0
+        told = capsys.readouterr().out.splitlines()[1:]
+        given = f"{out} --flow '{saved}'{added} --model microscopic"
+        assert told == [f"  ellipsoid {command} {given}" for command in ("plan", "run")]
+
+
 def test_without_out_the_scene_goes_to_standard_output(
     saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ import pytest
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.models import model_terms
 from ellipsoid_coupling.scenes import (
+    Term,
     builtin_scenes,
     explain_terms,
     load_scene,
@@ -130,6 +131,25 @@ def test_noise_runs_in_particles_and_only_damps_in_closures() -> None:
 def test_every_term_has_a_reason() -> None:
     for name in builtin_scenes():
         assert all(term.why for term in explain_terms(load_scene(name)))
+
+
+def test_patches_that_reflect_are_told() -> None:
+    """Beside the sides, which alone decide `has_sides`; patches of other kinds are not named."""
+
+    def reflection(boundaries: dict[str, object]) -> Term:
+        settings = {"domain.boundary": "open", "walls": None, "boundaries": boundaries}
+        scene = load_scene("cavity", settings)
+        assert not scene.has_sides("reflect")
+        return next(term for term in explain_terms(scene) if term.name == "reflection")
+
+    sides = "remove on the left, remove on the right, remove on the bottom, remove on the top"
+    reflect, remove = {"kind": "reflect"}, {"kind": "remove"}
+    found = reflection({"outlet": remove})
+    assert (found.runs, found.why) == (False, sides)
+    found = reflection({"outlet": remove, "cylinder": reflect})
+    assert (found.runs, found.why) == (True, f"{sides}, reflect at the patch cylinder")
+    found = reflection({"step": reflect, "lid": reflect})
+    assert (found.runs, found.why) == (True, f"{sides}, reflect at the patches step and lid")
 
 
 def test_points_have_a_box_and_survive_a_file(tmp_path: Path) -> None:

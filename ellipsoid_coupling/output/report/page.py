@@ -28,6 +28,9 @@ _KINDS = {
     "angles": "Distribution of the angle at the saved times",
     "ellipses": "Particles as ellipses to scale, one realisation",
     "flow": "The flow",
+    "directors": "Mean axes at the saved times, as lines over the density",
+    "axes": "Mean axes at the saved times, as colours",
+    "order": "The order parameter over time",
 }
 
 

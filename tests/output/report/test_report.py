@@ -16,7 +16,8 @@ import pytest
 
 from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow import FlowField
-from ellipsoid_coupling.output.report import is_comparison, load_sources, write_report
+from ellipsoid_coupling.output.figures import all_figures
+from ellipsoid_coupling.output.report import is_comparison, load_sources, page, write_report
 from ellipsoid_coupling.output.report.page import MOST_TIMES, few_times
 from ellipsoid_coupling.output.report.runs import LIMITS
 from ellipsoid_coupling.output.report.sources import Comparison, Run
@@ -125,6 +126,23 @@ def test_it_says_what_ran_side_by_side(runs: list[Run], tmp_path: Path) -> None:
     assert all(cell.startswith("runs: strength 1") for cell in page.row("interaction"))
     assert len(page.addresses) > 10
     assert all(a.startswith(("#", "data:image/png;base64,")) for a in page.addresses)
+
+
+def test_every_picture_has_a_caption_in_words(
+    runs: list[Run], lid_flow: FlowField, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of every kind of file that `ellipsoid figures` writes; nothing is drawn."""
+
+    def path_of(*given: object, **_: object) -> Path:
+        return next(one for one in given if isinstance(one, Path))
+
+    kinds = ("angles", "density", "directors", "ellipses", "flow", "order")
+    for kind in kinds:
+        monkeypatch.setattr(all_figures, f"draw_{kind}", path_of)
+    paths = all_figures.draw_all([run.result for run in runs], tmp_path, lid_flow)
+    stems = {path.stem.partition("_")[0] for path in paths}
+    assert stems == {*kinds, "axes"}
+    assert stems == set(page._KINDS)
 
 
 def test_pictures_show_few_of_many_times(rho_result: Result) -> None:

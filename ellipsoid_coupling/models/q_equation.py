@@ -34,7 +34,7 @@ from ellipsoid_coupling.models.cell_model import CellModel, flux_of, stepper_of
 from ellipsoid_coupling.models.failure_site import FLUID, OUTER, PAIRS, TORQUE, FailureSite, worst
 from ellipsoid_coupling.models.from_scene import scene_cell_terms, scene_moving_tables, scene_walls
 from ellipsoid_coupling.models.periodic import require_room
-from ellipsoid_coupling.models.run_warnings import of_one_angle
+from ellipsoid_coupling.models.run_warnings import of_drag_work, of_one_angle
 from ellipsoid_coupling.models.staircase import (
     Staircase,
     curved_walls,
@@ -148,10 +148,26 @@ class QEquation(CellModel):
         return steady + pull * terms.inverse_mass, turning + torque * terms.inverse_inertia
 
     def warnings(self) -> list[str]:
-        """As every cell equation's, and that one cell stands for all angles."""
+        """As every cell equation's, that one cell stands for all angles, and drag that is too strong."""
         turns = len(self.cells.system.velocities) > 2
         one = of_one_angle(self._setup.scene, turns) if self.grid.angles == 1 else []
-        return super().warnings() + one
+        balances = self.stepper.balances
+        return super().warnings() + one + of_drag_work(self._drag_work() if balances else 0.0)
+
+    def _drag_work(self) -> float:
+        """By how much the drag's work across a cell, gamma u h, differs between cells of the fluid."""
+        flow, rates, plane = self._setup.flow, self._setup.scene.flow, self.grid.plane
+        if flow is None or rates is None:
+            return 0.0
+        sample = flow.at(self.time).evaluate(*np.meshgrid(plane.x, plane.y))
+        lines = self.cells.lines
+        inside = sample.inside if lines is None else sample.inside & lines.inside
+        if not inside.any():
+            return 0.0
+        spread = max(
+            float(np.ptp(velocity[inside])) for velocity in (sample.velocity_x, sample.velocity_y)
+        )
+        return rates.drag * spread * plane.cell
 
     def coordinates(self) -> dict[str, Floats]:
         """Cell centres."""

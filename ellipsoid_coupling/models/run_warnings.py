@@ -13,6 +13,8 @@ from ellipsoid_coupling.scenes import Scene
 # Which part of the mass at tilted walls is told, and how many times denser than all of the fluid it is: an
 # even density lies there as anywhere, and nothing presses it.
 _MASS_AT_WALLS, _CROWDED = 0.1, 2.0
+# Differences of work between cells, in units of the temperature, up to which densities are kept.
+_MOST_WORK = 4.0
 
 
 def as_counts(*warnings: Sequence[str]) -> dict[str, str]:
@@ -84,4 +86,19 @@ def of_tilted_walls(mass: float, cells: float, slides: bool) -> list[str]:
     return [
         f"{mass:.0%} of the mass lies in cells at walls that are tilted to the grid: what a force presses "
         f"against them is {off} along them, on any grid. Compare with mckean_vlasov."
+    ]
+
+
+def of_drag_work(work: float) -> list[str]:
+    """Of a scheme that balances pressure and forces from cell to cell, where drag is all but rigid.
+
+    work : float
+        By how much gamma u h differs between cells, in units of the temperature.
+    """
+    if work <= _MOST_WORK:
+        return []
+    return [
+        f"Drag does work across a cell, gamma u h, that differs by {work:.3g} between cells, more than "
+        f"{_MOST_WORK:g}: in this scheme densities with pressure may be off by tens of per cent, even "
+        "where they should stay even. Compare with q_mono_kinetic, scheme paper or smaller cells."
     ]

@@ -30,6 +30,17 @@ def test_a_crossing_is_told_and_the_run_is_completed() -> None:
         assert any("Characteristics crossed" in line for line in result.warnings) == crossed
 
 
+def test_strong_drag_with_pressure_is_told() -> None:
+    """Gamma u h differs by 0.6 and 600 between the ends of a box that turns; without pressure never."""
+    box = {"numerics.angle_cells": 8, "times": [0.01]}
+    for model in ("q_maxwellian", "q_mono_kinetic"):
+        for drag in (2.0, 2000.0):
+            settings = FREE | box | {"flow.drag": drag}
+            result = ec.simulate(ec.load_scene("rotation", settings), model)
+            told = [line for line in result.warnings if "gamma u h" in line]
+            assert len(told) == (drag > 100.0 and model == "q_maxwellian")
+
+
 def test_circles_in_q_keep_the_start_angle_or_are_told_of() -> None:
     """Nothing turns: all mass in the start angle's bin. Something does: even, and told."""
     for drag, words in ((0.0, []), (1.0, ["Circles of diameter 0.1"])):

@@ -92,6 +92,20 @@ def test_to_rest_is_for_solvers_in_time(tmp_path: Path) -> None:
 
 REFUSED = {
     "turbulence": ("constant/turbulenceProperties", "laminar", "RAS", "simulationType laminar"),
+    "Maxwell's fluid": (
+        "constant/turbulenceProperties", "laminar;",
+        "laminar; laminar { laminarModel Maxwell; MaxwellCoeffs { nuM 10; lambda 5; } }",
+        "laminarModel Stokes",
+    ),
+    "a power law": (
+        "constant/turbulenceProperties", "laminar;",
+        "laminar; laminar { model generalizedNewtonian; viscosityModel powerLaw; }",
+        "model Stokes",
+    ),
+    "a pattern of a model": (
+        "constant/turbulenceProperties", "laminar;",
+        'laminar; "lamina." { model Maxwell; }', 'entry "lamina."',
+    ),
     "another solver": ("system/controlDict", "pisoFoam", "interFoam", "application icoFoam or"),
     "code": ("system/controlDict", "application", "#calc 1\napplication", "the directive #calc"),
     "functions": (
@@ -117,6 +131,18 @@ def test_what_is_not_known_is_refused_in_words(tmp_path: Path, name: str) -> Non
     with pytest.raises(InputError, match=match) as caught:
         plain_case(case, None, 1, to_rest=False)
     assert file in caught.value.where
+
+
+def test_the_newtonian_model_may_be_named(tmp_path: Path) -> None:
+    """Models of turbulence beside it, which OpenFOAM does not look for, may be there as well."""
+    case = made(tmp_path, "pisoFoam")
+    path, name = case / "constant" / "turbulenceProperties", "constant/turbulenceProperties"
+    written = plain_case(case, None, 1).files[name]
+    with path.open("a") as file:
+        file.write("laminar { laminarModel Stokes; StokesCoeffs {} printCoeffs on; }\n")
+        file.write("RAS { RASModel kEpsilon; turbulence on; kEpsilonCoeffs { Cmu 0.09; } }\n")
+        file.write("LES { LESModel Smagorinsky; delta cubeRootVol; } printCoeffs no;\n")
+    assert plain_case(case, None, 1).files[name] == written
 
 
 def test_a_case_without_a_model_is_refused(tmp_path: Path) -> None:

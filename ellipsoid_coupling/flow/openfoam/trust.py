@@ -47,7 +47,7 @@ _MODEL = "turbulenceProperties"
 AT_REST = 1e-6
 # The first residual is 1: a run to that would be none.
 _LARGEST_REST = 0.999
-_MOST_CELLS = 10**9
+MOST_CELLS = 10**9
 # Of a hexahedron: no patch has more faces than all cells together.
 _FACES = 6
 # Never read by the programs that run here, and often in a case.
@@ -173,7 +173,7 @@ def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
         return {}
     section = parse(_source(case, PARAMETERS), given=given)
     if "cells" in section.entries:
-        whole_of(section, "cells", 1, _MOST_CELLS)
+        whole_of(section, "cells", 1, MOST_CELLS)
     if "atRest" in section.entries:
         real_of(section, "atRest", 0.0, _LARGEST_REST)
     return {

@@ -276,7 +276,9 @@ def unpacked_array(
         )  # fmt: skip
     values = np.frombuffer(data, dtype, offset=header.end())
     if dtype.kind == "U":
-        codes = np.frombuffer(data, np.dtype("u4").newbyteorder(dtype.byteorder), offset=header.end())
+        codes = np.frombuffer(
+            data, np.dtype("u4").newbyteorder(dtype.byteorder), offset=header.end()
+        )
         if codes.max(initial=0) > sys.maxunicode:
             raise InputError(
                 f"{path}, array {name}", "text", "characters that do not exist",

@@ -21,7 +21,7 @@ from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, MOST_START_BYTES
 from ellipsoid_coupling.files.reading import is_folder, read_bytes, unpack
 from ellipsoid_coupling.flow.openfoam.blocks import block_mesh, patch_types
 from ellipsoid_coupling.flow.openfoam.case import Mesh
-from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, parse
+from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, parse, word_of
 from ellipsoid_coupling.flow.openfoam.files import packed
 from ellipsoid_coupling.flow.openfoam.own_mesh import read_own_mesh
 from ellipsoid_coupling.flow.openfoam.rules import (
@@ -37,6 +37,7 @@ from ellipsoid_coupling.flow.openfoam.run_control import Run, control
 from ellipsoid_coupling.flow.openfoam.scanner import TRUST, Source
 from ellipsoid_coupling.flow.openfoam.start import KINDS, start_field
 from ellipsoid_coupling.flow.openfoam.tables import SCHEMES, solution, transport, turbulence
+from ellipsoid_coupling.flow.openfoam.times import times_of
 
 # Where there is a blockMeshDict, the mesh is made anew: this folder is not copied.
 LEFT_OUT = "polyMesh"
@@ -109,7 +110,9 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
 
     meshing = _meshing(case, cells, numbers)
     at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST * to_rest
-    control_lines, run = control(read("system/controlDict"), at_rest)
+    controls = read("system/controlDict")
+    control_lines, run = control(controls, at_rest)
+    _require_start(case, controls)
     if packed(case / "system" / "decomposeParDict"):  # the package writes its own
         read("system/decomposeParDict")
     dictionaries = {
@@ -138,6 +141,22 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
     return PlainCase(
         files, meshing.side, run, meshing.cells, scales, meshing.own
     )  # fmt: skip
+
+
+def _require_start(case: Path, controls: Section) -> None:
+    """InputError where system/controlDict starts from another time than 0, which alone is read."""
+    # OpenFOAM's own choice where there is none.
+    word = word_of(controls, "startFrom") or "latestTime"
+    times = times_of(case)
+    if word == "startTime" or not times:
+        return
+    start = times[0 if word == "firstTime" else -1]
+    if float(start) != 0.0:
+        raise controls.source.error(
+            controls.places.get("startFrom", controls.at),
+            "startFrom startTime, as a case is solved from time 0",
+            f"{word} beside a time {start}", "Change it, or remove the other times.",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

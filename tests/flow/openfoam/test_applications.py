@@ -145,6 +145,31 @@ def test_the_newtonian_model_may_be_named(tmp_path: Path) -> None:
     assert plain_case(case, None, 1).files[name] == written
 
 
+def test_a_start_from_another_time_is_refused(tmp_path: Path) -> None:
+    """Only time 0 is read; without startFrom, OpenFOAM would take the latest time."""
+    case = made(tmp_path, "icoFoam")
+    path, start = case / "system" / "controlDict", "startFrom startTime;"
+    text = path.read_text()
+    for name in ("0", "0.orig.old", "\u0665"):
+        (case / name).mkdir()
+    words = ("startFrom startTime;", "startFrom firstTime;", "startFrom latestTime;", "")
+    for word in words:
+        path.write_text(text.replace(start, word))
+        plain_case(case, None, 1)
+    shutil.copytree(case / "0.orig", case / "0", dirs_exist_ok=True)
+    (case / "2.5").mkdir()
+    for word in words[:2]:
+        path.write_text(text.replace(start, word))
+        plain_case(case, None, 1)
+    for word in words[2:]:
+        path.write_text(text.replace(start, word))
+        with pytest.raises(
+            InputError, match=r"found latestTime beside a time 2\.5\. Change"
+        ) as caught:
+            plain_case(case, None, 1)
+        assert "system/controlDict, line" in caught.value.where
+
+
 def test_a_case_without_a_model_is_refused(tmp_path: Path) -> None:
     case = made(tmp_path, "simpleFoam")
     (case / "constant" / "turbulenceProperties").unlink()

@@ -147,6 +147,15 @@ def solution(section: Section, application: Application) -> list[str]:
     return entries(section, rules)
 
 
+def require_block(section: Section, application: Application, *, fixed: bool) -> None:
+    """InputError if system/fvSolution lacks the application's own block, and it would end for that.
+
+    fixed : whether a condition fixes p; else the block has to name pRefCell
+    """
+    if application.needs_block or not fixed:
+        subsection(section, application.block)
+
+
 def _dropped_if(word: str) -> Rule:
     """One word alone, which goes without saying."""
 

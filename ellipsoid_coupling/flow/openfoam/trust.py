@@ -35,8 +35,14 @@ from ellipsoid_coupling.flow.openfoam.rules import (
 )
 from ellipsoid_coupling.flow.openfoam.run_control import Run, control
 from ellipsoid_coupling.flow.openfoam.scanner import TRUST, Source
-from ellipsoid_coupling.flow.openfoam.start import KINDS, start_field
-from ellipsoid_coupling.flow.openfoam.tables import SCHEMES, solution, transport, turbulence
+from ellipsoid_coupling.flow.openfoam.start import KINDS, fixes_level, start_field
+from ellipsoid_coupling.flow.openfoam.tables import (
+    SCHEMES,
+    require_block,
+    solution,
+    transport,
+    turbulence,
+)
 from ellipsoid_coupling.flow.openfoam.times import times_of
 
 # Where there is a blockMeshDict, the mesh is made anew: this folder is not copied.
@@ -115,11 +121,12 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
     _require_start(case, controls)
     if packed(case / "system" / "decomposeParDict"):  # the package writes its own
         read("system/decomposeParDict")
+    solving = read("system/fvSolution")
     dictionaries = {
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
-        "system/fvSolution": solution(read("system/fvSolution"), run.application),
+        "system/fvSolution": solution(solving, run.application),
         "constant/transportProperties": transport(read(f"constant/{_viscosity_file(case)}")),
     }
     if run.application.modelled:
@@ -135,6 +142,8 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
             name,
             meshing.patches,
         )
+        if name == "p":
+            require_block(solving, run.application, fixed=fixes_level(lines))
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
     scales = meshing.scales and not any("nonuniform" in text for text in files.values())

@@ -145,6 +145,34 @@ def test_the_newtonian_model_may_be_named(tmp_path: Path) -> None:
     assert plain_case(case, None, 1).files[name] == written
 
 
+@pytest.mark.parametrize("name", APPLICATIONS)
+@pytest.mark.parametrize("other", ["ABSENT", "a pattern"])
+def test_a_solver_without_its_block_is_refused(tmp_path: Path, name: str, other: str) -> None:
+    """All but icoFoam take what they need for granted where a condition fixes p (OpenFOAM 1912)."""
+    case, application = made(tmp_path, name), APPLICATIONS[name]
+    path, block = case / "system" / "fvSolution", application.block
+    before, found, behind = path.read_text().partition(f"{block} {{")
+    assert found
+    rest = behind.partition("}\n")[2]
+    path.write_text(
+        before + rest if other == "ABSENT" else f'{before}"{block[:-1]}[{block[-1]}]" {{{behind}'
+    )
+    with pytest.raises(
+        InputError, match=f"fvSolution, line 1: expected a dictionary {block}, found none"
+    ):
+        plain_case(case, None, 1)
+    pressure = case / "0.orig" / "p"
+    text = pressure.read_text()
+    start = text.index("{", text.index("lid"))
+    end = text.index("}", start)
+    pressure.write_text(f"{text[:start]}{{ type fixedValue; value uniform 0; {text[end:]}")
+    if application.needs_block:
+        with pytest.raises(InputError, match=f"a dictionary {block}"):
+            plain_case(case, None, 1)
+    else:
+        assert f"\n{block}\n" not in plain_case(case, None, 1).files["system/fvSolution"]
+
+
 def test_a_start_from_another_time_is_refused(tmp_path: Path) -> None:
     """Only time 0 is read; without startFrom, OpenFOAM would take the latest time."""
     case = made(tmp_path, "icoFoam")

@@ -18,7 +18,7 @@ from ellipsoid_coupling.commands.report import report as report_command
 from ellipsoid_coupling.commands.sweep import sweep
 from ellipsoid_coupling.commands.warm_up import warm_up
 from ellipsoid_coupling.compiled.threading_layer import check_environment
-from ellipsoid_coupling.errors import EllipsoidError, InputError, refusal, shown
+from ellipsoid_coupling.errors import EllipsoidError, InputError, readable, refusal
 from ellipsoid_coupling.files.reading import exists
 from ellipsoid_coupling.options import (
     FlowChoice,
@@ -351,7 +351,7 @@ def _status_of(tokens: Sequence[str] | None) -> int:
         tell(f"ellipsoid: {error}\n")
         return error.exit_status
     except CycloptsError as error:
-        tell(f"ellipsoid: {shown(str(error))}\nSee ellipsoid --help.\n")
+        tell(f"ellipsoid: {readable(str(error))}\nSee ellipsoid --help.\n")
         return InputError.exit_status
     except BrokenPipeError:
         # The reader of the output (head, less) has closed it: no failure of the command.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, Token
 
 from ellipsoid_coupling.errors import InputError, shown
-from ellipsoid_coupling.files.limits import LONGEST_RUN
+from ellipsoid_coupling.files.limits import LONGEST_RUN, MOST_SEED
 
 if TYPE_CHECKING:
     from ellipsoid_coupling.flow import FlowField, Wanted
@@ -128,10 +128,9 @@ def _read_span(text: str) -> int | range:
     if len(bounds) == 1:
         return bounds[0]
     first, end, step = (*bounds, 0, 0, 1)[:3] if len(bounds) != 2 else (*bounds, 1)
-    if len(bounds) not in (2, 3) or not 0 <= first < end or step < 1:
-        raise ValueError(
-            f"expected a whole number, A:B or A:B:STEP with 0 <= A < B, found {text!r}"
-        )
+    if len(bounds) not in (2, 3) or not 0 <= first < end <= MOST_SEED or not 1 <= step <= MOST_SEED:
+        expected = f"a whole number, A:B or A:B:STEP with 0 <= A < B <= {MOST_SEED:g}"
+        raise ValueError(f"expected {expected}, found {text!r}")
     return range(first, end, step)
 
 

@@ -177,10 +177,13 @@ def _numbers(
         return scene.particles.realisations, 0
     if not isinstance(realisations, range):
         return _whole("realisations", realisations, 1, MOST_COUNT), 0
-    first, count = realisations.start, len(realisations)
+    # len() of a range fails beyond 64 bits; where the step is 1, this is the same.
+    first, count = realisations.start, realisations.stop - realisations.start
     if first < 0 or realisations.step != 1 or not 1 <= count <= realisations.stop <= MOST_COUNT:
         found = f"{first}:{realisations.stop}:{realisations.step}"
-        raise InputError("--realisations", "A:B with 0 <= A < B", found, "Change it.")
+        raise InputError(
+            "--realisations", f"A:B with 0 <= A < B <= {MOST_COUNT:g}", found, "Change it."
+        )
     if first and not kind_named(model).independent_realisations:
         raise InputError(
             "--realisations", f"all of them, as {model} is one density of all", f"those from {first} on",

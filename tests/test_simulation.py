@@ -137,6 +137,11 @@ def test_a_flow_for_a_scene_without_fluid_is_refused() -> None:
         ec.simulate(ec.load_scene("stationary"), "microscopic", flow="somewhere")
 
 
+def test_a_range_of_realisations_beyond_64_bits_is_refused() -> None:
+    with pytest.raises(InputError, match="--realisations: expected A:B with 0 <= A < B"):
+        module._numbers(small_scene(), "microscopic", range(10**30))
+
+
 def test_data_sets_of_particles_and_grids_may_be_merged(tmp_path: Path) -> None:
     """With xarray alone: x and y are axes of grids and variables of particles, whose names differ."""
     results = [ec.simulate(small_scene(), name) for name in ("microscopic", "rho_mono_kinetic")]

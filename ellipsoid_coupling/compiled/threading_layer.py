@@ -34,6 +34,8 @@ os.environ.setdefault("GOMP_SPINCOUNT", str(SPINS))
 _LAYERS = ("default", "tbb", "omp", "workqueue", "safe", "threadsafe", "forksafe")
 # omp_pause_hard of OpenMP 5: the team's threads end, and its memory is freed.
 _PAUSE_HARD = 2
+# More than any machine has cores.
+_MOST_THREADS = 100_000
 
 _turn = threading.RLock()
 
@@ -47,16 +49,21 @@ def check_environment() -> None:
         For a NUMBA_NUM_THREADS or NUMBA_THREADING_LAYER that numba does not know.
     """
     threads = os.environ.get("NUMBA_NUM_THREADS")
-    if threads is not None and not (threads.strip().isdecimal() and int(threads) >= 1):
-        raise InputError(
-            "NUMBA_NUM_THREADS", "a whole number, 1 or more", repr(threads), "Change or unset it."
-        )
+    if threads is not None and not _is_number_of_threads(threads.strip()):
+        expected = f"a whole number, 1 or more, at most {_MOST_THREADS}"
+        raise InputError("NUMBA_NUM_THREADS", expected, repr(threads), "Change or unset it.")
     layer = os.environ.get("NUMBA_THREADING_LAYER")
     if layer is not None and layer.lower() not in _LAYERS:
         known = ", ".join(_LAYERS)
         raise InputError(
             "NUMBA_THREADING_LAYER", f"one of {known}", repr(layer), "Change or unset it."
         )
+
+
+def _is_number_of_threads(text: str) -> bool:
+    # Python reads no number of thousands of digits.
+    few_digits = text.isdecimal() and len(text) <= len(str(_MOST_THREADS))
+    return few_digits and 1 <= int(text) <= _MOST_THREADS
 
 
 def _numba() -> Any:

@@ -13,6 +13,7 @@ import os
 import re
 import stat
 import struct
+import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -274,6 +275,15 @@ def unpacked_array(
             in_words(there), "Take another copy, or make it again.",
         )  # fmt: skip
     values = np.frombuffer(data, dtype, offset=header.end())
+    if dtype.kind == "U":
+        codes = np.frombuffer(
+            data, np.dtype("u4").newbyteorder(dtype.byteorder), offset=header.end()
+        )
+        if codes.max(initial=0) > sys.maxunicode:
+            raise InputError(
+                f"{path}, array {name}", "text", "characters that do not exist",
+                "Take another copy, or make it again.",
+            )  # fmt: skip
     return values.reshape(shape, order="F" if order == "True" else "C").copy()
 
 

@@ -22,6 +22,7 @@ from rich.progress import (
 )
 
 from ellipsoid_coupling.compiled.events import listening
+from ellipsoid_coupling.errors import readable
 from ellipsoid_coupling.files.signals import stopping
 
 # Before the number of kernels so far.
@@ -132,7 +133,7 @@ class ProgressReporter:
         self.console = Console(stderr=True)
         self._clock = clock
         self._began = self._stage_began = self._last_line = clock()
-        self._stage, self._part, self._stage_part = what, 0.0, 0.0
+        self._stage, self._part, self._stage_part = readable(what), 0.0, 0.0
         self._compiling, self._compiled = 0, 0
         self._bar: Progress | None = None
         self._task: TaskID | None = None
@@ -170,7 +171,8 @@ class ProgressReporter:
         self._entered.close()
 
     def __call__(self, stage: str, part: float) -> None:
-        """Show that a part of `stage` is done."""
+        """Show that a part of `stage` is done; a stage may quote names from anywhere."""
+        stage = readable(stage)
         with self._lock:
             new, self._part = stage != self._stage, part
             if new:

@@ -110,3 +110,18 @@ def test_objects_are_refused(tmp_path: Path) -> None:
         InputError, match=r"array a: expected an array of numbers, found Python objects"
     ):
         archive(tmp_path / "x.npz").read(["a"], 1000)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_text_of_characters_that_do_not_exist_is_refused(tmp_path: Path, order: str) -> None:
+    """Of either order of bytes; the last character that exists is read."""
+    codes = np.array([65, 0x10FFFF], f"{order}u4")
+    for last, exists in ((0x10FFFF, True), (0x110000, False), (2**32 - 1, False)):
+        codes[1] = last
+        np.savez(tmp_path / "x.npz", a=codes.view(f"{order}U1"))
+        if exists:
+            (found,) = archive(tmp_path / "x.npz").read(["a"], 1000).values()
+            assert found.tolist() == ["A", "\U0010ffff"]
+            continue
+        with pytest.raises(InputError, match=r"array a: expected text, found characters that do"):
+            archive(tmp_path / "x.npz").read(["a"], 1000)

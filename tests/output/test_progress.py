@@ -121,6 +121,17 @@ def test_stages_are_told_at_their_start_and_end(clock: Clock, lines: Lines) -> N
     assert lines() == ["run: 0 %", "one: 0 %", "one: 100 %", "two: 25 %"]
 
 
+def test_a_stage_steers_no_terminal_and_stays_one_line(clock: Clock, lines: Lines) -> None:
+    """A received folder may be called anything, and stages quote its name."""
+    with ProgressReporter("a\x1b[31m\nb", clock) as report:
+        report("flow c\x1b[2J\nx\r\u202e: mesh", 0.0)
+        report("flow c\x1b[2J\nx\r\u202e: mesh", 0.5)
+    assert lines() == [
+        r"a\x1b[31m b: 0 %",
+        r"flow c\x1b[2J x\r\u202e: mesh: 0 %",
+    ]
+
+
 def test_the_time_left_is_that_of_the_stage(clock: Clock, lines: Lines) -> None:
     with ProgressReporter("run", clock) as report:
         clock.now += 100.0

@@ -69,10 +69,12 @@ def test_a_closed_stream_leaves_its_number_to_no_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("NUMBA_NUM_THREADS", "0", "a whole number, 1 or more, found '0'"),
+        ("NUMBA_NUM_THREADS", "0", "a whole number, 1 or more, at most 100000, found '0'"),
         ("NUMBA_NUM_THREADS", "-1", "found '-1'"),
         ("NUMBA_NUM_THREADS", "x", "found 'x'"),
         ("NUMBA_NUM_THREADS", "1.5", "found '1.5'"),
+        ("NUMBA_NUM_THREADS", "100001", "found '100001'"),
+        ("NUMBA_NUM_THREADS", "9" * 5000, "9 ... 9"),
         ("NUMBA_THREADING_LAYER", "fast", "one of default, tbb, omp, workqueue"),
     ],
 )
@@ -90,6 +92,7 @@ def test_settings_of_numba_that_it_does_not_know(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"ellipsoid: {name}: expected ")
     assert told in line
+    assert len(line) < 1_000
 
 
 def test_a_threading_layer_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,7 @@ from ellipsoid_coupling.flow.openfoam.own_mesh import write_own_mesh
 from ellipsoid_coupling.flow.openfoam.times import Chosen, Places, choose_time, solved_times
 
 # Folders of parts: one each, or all in one (collated), or some in each of several.
-PART = re.compile(r"processor\d{1,6}|processors\d{1,6}(_\d{1,6}-\d{1,6})?")
+PART = re.compile(r"processor\d{1,6}|processors\d{1,6}(_\d{1,6}-\d{1,6})?", re.ASCII)
 _MESH = ("points", "faces", "owner", "neighbour", "boundary")
 
 

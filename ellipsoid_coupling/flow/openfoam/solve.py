@@ -63,6 +63,7 @@ from ellipsoid_coupling.flow.openfoam.solved_cases import (
 )
 from ellipsoid_coupling.flow.openfoam.trust import (
     LEFT_OUT,
+    MOST_CELLS,
     PlainCase,
     input_folders,
     plain_case,
@@ -150,7 +151,7 @@ def solve_case(
     at endTime. The failed run is kept beside the result's folder.
     """
     source = case_folder(case)
-    _check_processes(str(case), processes)
+    _check_numbers(str(case), cells, processes)
     _check_place(source, out)
     content = content_hash(source)
     plain = None if trust else plain_case(source, cells, processes, to_rest=to_rest)
@@ -217,7 +218,11 @@ class _Solving:
         return _Solving(self.source, self.content, cells, 1, plain, self.to_rest)
 
 
-def _check_processes(case: str, processes: int) -> None:
+def _check_numbers(case: str, cells: int | None, processes: int) -> None:
+    """InputError for more cells a side or processes than any run has, before a file is read."""
+    if cells is not None and cells > MOST_CELLS:
+        expected = f"at most {MOST_CELLS} cells a side"
+        raise InputError(case, expected, f"{cells} cells", "Take fewer.")
     cores = os.cpu_count() or 1
     if not 1 <= processes <= cores:
         raise InputError(

@@ -108,6 +108,10 @@ KINDS = {
     }),
 }  # fmt: skip
 
+_FIXED = frozenset(
+    f"type {name};" for name in ("fixedValue", "inletOutlet", "outletInlet", "totalPressure")
+)
+
 
 def start_field(section: Section, name: str, patches: Mapping[str, str]) -> list[str]:
     """A field of time 0 as lines; InputError for a condition that is not known, with its patch.
@@ -141,6 +145,11 @@ def start_field(section: Section, name: str, patches: Mapping[str, str]) -> list
     rest = {key: value for key, value in section.entries.items() if value is not given}
     lines = entries(replace(section, entries=rest), rules)
     return lines + braces("boundaryField", _conditions(boundary, kind))
+
+
+def fixes_level(lines: list[str]) -> bool:
+    """Whether a condition of p, as written by `start_field`, fixes it, so that it needs no pRefCell."""
+    return not _FIXED.isdisjoint(line.strip() for line in lines)
 
 
 def _conditions(boundary: Section, kind: _Kind) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ellipsoid_coupling.flow.openfoam.applications import Application
 from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, Units, Word
 from ellipsoid_coupling.flow.openfoam.rules import (
@@ -145,6 +147,15 @@ def solution(section: Section, application: Application) -> list[str]:
     return entries(section, rules)
 
 
+def require_block(section: Section, application: Application, *, fixed: bool) -> None:
+    """InputError if system/fvSolution lacks the application's own block, and it would end for that.
+
+    fixed : whether a condition fixes p; else the block has to name pRefCell
+    """
+    if application.needs_block or not fixed:
+        subsection(section, application.block)
+
+
 def _dropped_if(word: str) -> Rule:
     """One word alone, which goes without saying."""
 
@@ -178,7 +189,27 @@ def transport(section: Section) -> list[str]:
     return ["transportModel Newtonian;", *entries(section, rules)]
 
 
+_STOKES = choice("Stokes")
+_TURBULENCE: Rules = {
+    "FoamFile": HEADER,
+    "simulationType": choice("laminar"),
+    # Any other model, such as Maxwell's, would be another fluid.
+    "laminar": {
+        "model": _STOKES,
+        "laminarModel": _STOKES,
+        "StokesCoeffs": {},
+        **dict.fromkeys(("turbulence", "printCoeffs"), switch),
+    },
+    **dict.fromkeys(("turbulence", "printCoeffs"), switch),
+    **dict.fromkeys(("RASModel", "LESModel"), dropped),
+}
+# OpenFOAM looks into these for another simulationType only.
+_OTHER_TYPES = frozenset(("RAS", "LES"))
+
+
 def turbulence(section: Section) -> list[str]:
-    """constant/turbulenceProperties as lines; InputError unless the flow is laminar."""
-    choice("laminar")(section, "simulationType")
+    """constant/turbulenceProperties as lines; InputError unless the flow is laminar and Newtonian."""
+    items_of(section, "simulationType")
+    read = {key: value for key, value in section.entries.items() if key not in _OTHER_TYPES}
+    entries(replace(section, entries=read), _TURBULENCE)
     return ["simulationType laminar;"]

@@ -16,7 +16,7 @@ from ellipsoid_coupling.files.reading import is_folder
 from ellipsoid_coupling.flow.openfoam.files import packed
 
 # 0, 0.5, 12, 1e-05, -0.1, but not 0.orig
-_TIME = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?")
+_TIME = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?", re.ASCII)
 _LONGEST_NAME = 50
 
 
@@ -53,7 +53,7 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
 
     Raises InputError where no time, or not the one wanted, has U, or where a mesh is missing.
     """
-    times = _times(case)
+    times = times_of(case)
     solved = solved_times(case)
     if not solved or (wanted is not None and wanted not in solved):
         raise _no_velocity(case, times, wanted)
@@ -77,7 +77,7 @@ def choose_time(case: Path, wanted: str | None) -> Chosen:
 
 def solved_times(case: Path) -> list[str]:
     """The names of the times that have U, the last one last."""
-    return [time for time in _times(case) if packed(case / time / "U") is not None]
+    return [time for time in times_of(case) if packed(case / time / "U") is not None]
 
 
 class Series(NamedTuple):
@@ -121,7 +121,7 @@ def choose_series(
     InputError
         For fewer than two times, an interval that goes beyond them, or a mesh that changes in between.
     """
-    times = _times(case)
+    times = times_of(case)
     solved = [name for name in solved_times(case) if name != begun]
     series = series_of(case, solved, interval, times)
     _require_one_mesh(case, times, series.names)
@@ -198,7 +198,8 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def _times(case: Path) -> list[str]:
+def times_of(case: Path) -> list[str]:
+    """The names of all times of a case, ascending."""
     folders = (path.name for path in islice(case.iterdir(), MOST_TIMES) if is_folder(path))
     return sorted((name for name in folders if is_time(name)), key=float)
 

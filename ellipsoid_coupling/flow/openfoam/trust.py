@@ -21,7 +21,7 @@ from ellipsoid_coupling.files.limits import MOST_SCENE_BYTES, MOST_START_BYTES
 from ellipsoid_coupling.files.reading import is_folder, read_bytes, unpack
 from ellipsoid_coupling.flow.openfoam.blocks import block_mesh, patch_types
 from ellipsoid_coupling.flow.openfoam.case import Mesh
-from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, parse
+from ellipsoid_coupling.flow.openfoam.dictionary import Number, Section, parse, word_of
 from ellipsoid_coupling.flow.openfoam.files import packed
 from ellipsoid_coupling.flow.openfoam.own_mesh import read_own_mesh
 from ellipsoid_coupling.flow.openfoam.rules import (
@@ -35,8 +35,15 @@ from ellipsoid_coupling.flow.openfoam.rules import (
 )
 from ellipsoid_coupling.flow.openfoam.run_control import Run, control
 from ellipsoid_coupling.flow.openfoam.scanner import TRUST, Source
-from ellipsoid_coupling.flow.openfoam.start import KINDS, start_field
-from ellipsoid_coupling.flow.openfoam.tables import SCHEMES, solution, transport, turbulence
+from ellipsoid_coupling.flow.openfoam.start import KINDS, fixes_level, start_field
+from ellipsoid_coupling.flow.openfoam.tables import (
+    SCHEMES,
+    require_block,
+    solution,
+    transport,
+    turbulence,
+)
+from ellipsoid_coupling.flow.openfoam.times import times_of
 
 # Where there is a blockMeshDict, the mesh is made anew: this folder is not copied.
 LEFT_OUT = "polyMesh"
@@ -47,7 +54,7 @@ _MODEL = "turbulenceProperties"
 AT_REST = 1e-6
 # The first residual is 1: a run to that would be none.
 _LARGEST_REST = 0.999
-_MOST_CELLS = 10**9
+MOST_CELLS = 10**9
 # Of a hexahedron: no patch has more faces than all cells together.
 _FACES = 6
 # Never read by the programs that run here, and often in a case.
@@ -109,14 +116,17 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
 
     meshing = _meshing(case, cells, numbers)
     at_rest = numbers["atRest"].value if "atRest" in numbers else AT_REST * to_rest
-    control_lines, run = control(read("system/controlDict"), at_rest)
+    controls = read("system/controlDict")
+    control_lines, run = control(controls, at_rest)
+    _require_start(case, controls)
     if packed(case / "system" / "decomposeParDict"):  # the package writes its own
         read("system/decomposeParDict")
+    solving = read("system/fvSolution")
     dictionaries = {
         "system/controlDict": control_lines,
         "system/decomposeParDict": _strips(processes),
         "system/fvSchemes": entries(read("system/fvSchemes"), SCHEMES),
-        "system/fvSolution": solution(read("system/fvSolution"), run.application),
+        "system/fvSolution": solution(solving, run.application),
         "constant/transportProperties": transport(read(f"constant/{_viscosity_file(case)}")),
     }
     if run.application.modelled:
@@ -132,12 +142,30 @@ def plain_case(case: Path, cells: int | None, processes: int, *, to_rest: bool =
             name,
             meshing.patches,
         )
+        if name == "p":
+            require_block(solving, run.application, fixed=fixes_level(lines))
         for start in ("0", "0.orig"):
             files[f"{start}/{name}"] = _text(f"{start}/{name}", kind, lines)
     scales = meshing.scales and not any("nonuniform" in text for text in files.values())
     return PlainCase(
         files, meshing.side, run, meshing.cells, scales, meshing.own
     )  # fmt: skip
+
+
+def _require_start(case: Path, controls: Section) -> None:
+    """InputError where system/controlDict starts from another time than 0, which alone is read."""
+    # OpenFOAM's own choice where there is none.
+    word = word_of(controls, "startFrom") or "latestTime"
+    times = times_of(case)
+    if word == "startTime" or not times:
+        return
+    start = times[0 if word == "firstTime" else -1]
+    if float(start) != 0.0:
+        raise controls.source.error(
+            controls.places.get("startFrom", controls.at),
+            "startFrom startTime, as a case is solved from time 0",
+            f"{word} beside a time {start}", "Change it, or remove the other times.",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -173,7 +201,7 @@ def _numbers(case: Path, given: Mapping[str, int]) -> dict[str, Number]:
         return {}
     section = parse(_source(case, PARAMETERS), given=given)
     if "cells" in section.entries:
-        whole_of(section, "cells", 1, _MOST_CELLS)
+        whole_of(section, "cells", 1, MOST_CELLS)
     if "atRest" in section.entries:
         real_of(section, "atRest", 0.0, _LARGEST_REST)
     return {

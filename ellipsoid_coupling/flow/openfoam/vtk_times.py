@@ -19,7 +19,7 @@ from ellipsoid_coupling.files.reading import is_folder, is_ordinary
 from ellipsoid_coupling.flow.openfoam.vtk_files import read_told
 
 _INTERNAL = "internal.vtu"
-_NUMBERED = re.compile(r"_(\d{1,18})$")
+_NUMBERED = re.compile(r"_(\d{1,18})$", re.ASCII)
 
 
 def is_vtk(path: Path) -> bool:

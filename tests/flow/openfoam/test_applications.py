@@ -92,6 +92,20 @@ def test_to_rest_is_for_solvers_in_time(tmp_path: Path) -> None:
 
 REFUSED = {
     "turbulence": ("constant/turbulenceProperties", "laminar", "RAS", "simulationType laminar"),
+    "Maxwell's fluid": (
+        "constant/turbulenceProperties", "laminar;",
+        "laminar; laminar { laminarModel Maxwell; MaxwellCoeffs { nuM 10; lambda 5; } }",
+        "laminarModel Stokes",
+    ),
+    "a power law": (
+        "constant/turbulenceProperties", "laminar;",
+        "laminar; laminar { model generalizedNewtonian; viscosityModel powerLaw; }",
+        "model Stokes",
+    ),
+    "a pattern of a model": (
+        "constant/turbulenceProperties", "laminar;",
+        'laminar; "lamina." { model Maxwell; }', 'entry "lamina."',
+    ),
     "another solver": ("system/controlDict", "pisoFoam", "interFoam", "application icoFoam or"),
     "code": ("system/controlDict", "application", "#calc 1\napplication", "the directive #calc"),
     "functions": (
@@ -117,6 +131,71 @@ def test_what_is_not_known_is_refused_in_words(tmp_path: Path, name: str) -> Non
     with pytest.raises(InputError, match=match) as caught:
         plain_case(case, None, 1, to_rest=False)
     assert file in caught.value.where
+
+
+def test_the_newtonian_model_may_be_named(tmp_path: Path) -> None:
+    """Models of turbulence beside it, which OpenFOAM does not look for, may be there as well."""
+    case = made(tmp_path, "pisoFoam")
+    path, name = case / "constant" / "turbulenceProperties", "constant/turbulenceProperties"
+    written = plain_case(case, None, 1).files[name]
+    with path.open("a") as file:
+        file.write("laminar { laminarModel Stokes; StokesCoeffs {} printCoeffs on; }\n")
+        file.write("RAS { RASModel kEpsilon; turbulence on; kEpsilonCoeffs { Cmu 0.09; } }\n")
+        file.write("LES { LESModel Smagorinsky; delta cubeRootVol; } printCoeffs no;\n")
+    assert plain_case(case, None, 1).files[name] == written
+
+
+@pytest.mark.parametrize("name", APPLICATIONS)
+@pytest.mark.parametrize("other", ["ABSENT", "a pattern"])
+def test_a_solver_without_its_block_is_refused(tmp_path: Path, name: str, other: str) -> None:
+    """All but icoFoam take what they need for granted where a condition fixes p (OpenFOAM 1912)."""
+    case, application = made(tmp_path, name), APPLICATIONS[name]
+    path, block = case / "system" / "fvSolution", application.block
+    before, found, behind = path.read_text().partition(f"{block} {{")
+    assert found
+    rest = behind.partition("}\n")[2]
+    path.write_text(
+        before + rest if other == "ABSENT" else f'{before}"{block[:-1]}[{block[-1]}]" {{{behind}'
+    )
+    with pytest.raises(
+        InputError, match=f"fvSolution, line 1: expected a dictionary {block}, found none"
+    ):
+        plain_case(case, None, 1)
+    pressure = case / "0.orig" / "p"
+    text = pressure.read_text()
+    start = text.index("{", text.index("lid"))
+    end = text.index("}", start)
+    pressure.write_text(f"{text[:start]}{{ type fixedValue; value uniform 0; {text[end:]}")
+    if application.needs_block:
+        with pytest.raises(InputError, match=f"a dictionary {block}"):
+            plain_case(case, None, 1)
+    else:
+        assert f"\n{block}\n" not in plain_case(case, None, 1).files["system/fvSolution"]
+
+
+def test_a_start_from_another_time_is_refused(tmp_path: Path) -> None:
+    """Only time 0 is read; without startFrom, OpenFOAM would take the latest time."""
+    case = made(tmp_path, "icoFoam")
+    path, start = case / "system" / "controlDict", "startFrom startTime;"
+    text = path.read_text()
+    for name in ("0", "0.orig.old", "\u0665"):
+        (case / name).mkdir()
+    words = ("startFrom startTime;", "startFrom firstTime;", "startFrom latestTime;", "")
+    for word in words:
+        path.write_text(text.replace(start, word))
+        plain_case(case, None, 1)
+    shutil.copytree(case / "0.orig", case / "0", dirs_exist_ok=True)
+    (case / "2.5").mkdir()
+    for word in words[:2]:
+        path.write_text(text.replace(start, word))
+        plain_case(case, None, 1)
+    for word in words[2:]:
+        path.write_text(text.replace(start, word))
+        with pytest.raises(
+            InputError, match=r"found latestTime beside a time 2\.5\. Change"
+        ) as caught:
+            plain_case(case, None, 1)
+        assert "system/controlDict, line" in caught.value.where
 
 
 def test_a_case_without_a_model_is_refused(tmp_path: Path) -> None:

@@ -49,6 +49,11 @@ def setting(*settings: str, model: str = "microscopic", scene: str = "cavity") -
     ]  # fmt: skip
 
 
+def planned(value: str, model: str) -> Make:
+    """`plan` with --set."""
+    return command("plan", "cavity", "--model", model, "--set", value)
+
+
 def option(*options: str) -> Make:
     """`run cavity` with these options."""
     return lambda folder: ["run", "cavity", *RUN, *FLOW, *options, "--out", str(folder / "out")]
@@ -229,6 +234,9 @@ BAD: dict[str, tuple[Make, str]] = {
     "10^12 particles": (setting("particles.number=1000000000000"), r"1\.28e\+14 particles.*TB"),
     "10^400 particles": (setting(f"particles.number={10**400}"), r"less than or equal to"),
     "tiny cells": (setting("numerics.cell=1e-9", model="rho_mono_kinetic"), r"1e\+18 cells"),
+    "tiny cells, planned": (planned("numerics.cell=1e-9", "rho_mono_kinetic"), r"1e\+18 cells"),
+    "cells of 1e-99, planned": (planned("numerics.cell=1e-99", "q_mono_kinetic"), r"e\+\d+ cells"),
+    "huge cells, planned": (planned("numerics.cell=1e99", "q_mono_kinetic"), r"divides the domain"),
     "10^9 angles": (
         setting("numerics.angle_cells=1000000000", model="q_mono_kinetic"), r"numerics\.angle_cells",
     ),

@@ -100,13 +100,12 @@ def _check_axes(result: Result, where: str) -> None:
     """
     domain = result.scene.domain
     for name, found in result.coordinates.items():
-        cells = np.arange(found.size)
         if name == "angle":
-            low, width = 0.0, 2.0 * np.pi
+            low, width, shift = 0.0, 2.0 * np.pi, 0.0
         else:
             low, high = domain.x if name == "x" else domain.y
-            width, cells = high - low, cells + 0.5
-        expected = low + width * cells / found.size
+            width, shift = high - low, 0.5
+        expected = low + width * (np.arange(found.size) + shift) / found.size
         # A cell's width may divide the domain to some rounding only, see `scene_grid`.
         if not np.allclose(found, expected, rtol=1e-12, atol=_UNEVEN * width):
             told = f"the centres of {found.size} equal cells from {low:g} to {low + width:g}"

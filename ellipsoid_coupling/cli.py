@@ -90,11 +90,12 @@ def plan(
         scheme_named,
     )
     from ellipsoid_coupling.output.plan_report import print_flow, print_numbers
-    from ellipsoid_coupling.simulation import scene_flow
+    from ellipsoid_coupling.simulation import checked_setup, scene_flow
 
     kind = model_kinds()[0] if model is None else kind_named(model)
     numerics = scheme_named(scheme or ADAPTIVE_SCHEME).name
     chosen = chosen_scene(scene, set_)
+    checked_setup(chosen, kind.name, numerics, 0, None)
     terms = plan_terms(chosen, kind.name)
     rows = [(term.name, "runs" if term.runs else "left out", term.why) for term in terms]
     field = None

@@ -82,7 +82,23 @@ BEFORE_A_FLOW: list[tuple[list[str], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("tokens", "told"), BEFORE_A_FLOW, ids=lambda v: " ".join(v)[-50:])
+# Likewise of other commands.
+OTHERS_BEFORE_A_FLOW: list[tuple[list[str], str]] = [
+    (["advise", "cavity", "--error", "0"], "--error"),
+    (["advise", "cavity", "--error", "nan"], "--error"),
+    (["advise", "cavity", "--error", "0.1", "--seconds", "0"], "--seconds"),
+    (["compare", "cavity", "--longest", "0"], "--longest"),
+]
+
+
+@pytest.mark.parametrize(
+    ("tokens", "told"),
+    [
+        *((["run", "cavity", *tokens], told) for tokens, told in BEFORE_A_FLOW),
+        *OTHERS_BEFORE_A_FLOW,
+    ],
+    ids=lambda v: " ".join(v)[-50:],
+)
 def test_what_is_wrong_is_told_before_a_flow_is_touched(
     tokens: list[str],
     told: str,
@@ -95,7 +111,7 @@ def test_what_is_wrong_is_told_before_a_flow_is_touched(
         raise AssertionError("a flow is touched")
 
     monkeypatch.setattr("ellipsoid_coupling.simulation.scene_flow", touched)
-    assert status_of("run", "cavity", *tokens) == 2
+    assert status_of(*tokens) == 2
     assert told in capsys.readouterr().err
 
 

@@ -46,6 +46,7 @@ def advise(
         What the short runs together may take; compiling is not counted.
     """
     from ellipsoid_coupling.compare.advice import advise as ask
+    from ellipsoid_coupling.compare.advice import check_asked
     from ellipsoid_coupling.output.advice_report import (
         advice_lines,
         print_advice,
@@ -53,6 +54,7 @@ def advise(
     )
     from ellipsoid_coupling.simulation import scene_flow
 
+    check_asked(error, quantity, seconds)
     output.check()
     chosen = chosen_scene(scene, set_)
     wanted = flow.wanted(scene, chosen)

@@ -13,6 +13,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.flow.analytic import closed_form_flow
 from ellipsoid_coupling.flow.field import FlowField
 from ellipsoid_coupling.flow.kept_fields import kept_field
+from ellipsoid_coupling.flow.misfit import require_near
 from ellipsoid_coupling.flow.openfoam.programs import INSTALL, openfoam_available
 from ellipsoid_coupling.flow.openfoam.solve import Report, solve_case
 from ellipsoid_coupling.flow.openfoam.solved_cases import (
@@ -178,7 +179,7 @@ def flow_at(path: Path, *, allow_misfit: bool = False, divergence: bool = False)
     ----------
     path : Path
     allow_misfit : bool
-        Take a field that is far off the solver's U, see `reader.read_case`.
+        Take a field that is far off the solver's U, see `reader.read_case`; a saved .npz tells how far.
     divergence : bool
         Keep the flow's sources as grad chi, where its fluxes phi do not close; a saved .npz has its own.
 
@@ -188,7 +189,10 @@ def flow_at(path: Path, *, allow_misfit: bool = False, divergence: bool = False)
         As `reader.read_case`.
     """
     if path.suffix == ".npz":
-        return load_flow(path)
+        field = load_flow(path)
+        if field.misfit is not None and not allow_misfit:
+            require_near(str(path), field.misfit)
+        return field
     kept = Divergence.WHERE_OPEN if divergence else Divergence.NONE
     return kept_field(path, allow_misfit=allow_misfit, divergence=kept)
 

@@ -135,16 +135,21 @@ def given_steps(scene: Scene) -> int:
 
 
 def adaptive_steps(scene: Scene, field: FlowField) -> Steps | None:
-    """Steps to a tolerance by the fluid alone; None without drag or acceleration. See the module."""
+    """Steps to a tolerance by the fluid alone; None without drag or acceleration. See the module.
+
+    None as well for a fluid so fast that the step is no number above 0.
+    """
     drag, tolerance = scene.flow.drag if scene.flow else 0.0, scene.numerics.tolerance
     force = drag * fluid_acceleration(field, (scene.domain.x, scene.domain.y))
-    if not force > 0.0:
+    if not 0.0 < force < math.inf:
         return None
     allowed = tolerance * scene.particles.length / force
     dt = allowed ** (1.0 / 3.0)
     for _ in range(_ITERATIONS):
         # The mean of old and new converges for every z, as phi3 falls between z^0 and 1/z.
         dt = 0.5 * (dt + (allowed / phi3(drag * dt)) ** (1.0 / 3.0))
+    if not dt > 0.0:
+        return None
     why = f"by numerics.tolerance = {tolerance:g} in this fluid; where particles meet, more"
     return Steps(scene.times[-1] / dt, "about ", why)
 
@@ -163,7 +168,9 @@ def fluid_acceleration(field: FlowField, box: tuple[Range, Range]) -> float:
         return 0.0
     along_x = at.velocity_x * at.dux_dx + at.velocity_y * at.dux_dy
     along_y = at.velocity_x * at.duy_dx - at.velocity_y * at.dux_dx
-    return float(np.sqrt(np.mean(along_x**2 + along_y**2, where=at.inside)))
+    # Beyond double precision it is infinite, which `adaptive_steps` says nothing of.
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(along_x**2 + along_y**2, where=at.inside)))
 
 
 def _memory(kind: ModelKind, setup: Setup) -> Fact:
@@ -209,6 +216,8 @@ def neighbours_in_reach(scene: Scene) -> float | None:
 
 def _stokes(scene: Scene, scales: FlowScales | None) -> list[Fact]:
     if scene.flow is None or scales is None or scene.flow.drag == 0.0:
+        return []
+    if not math.isfinite(scales.largest):
         return []
     side = min(scene.domain.width, scene.domain.height)
     number = scales.largest / (scene.flow.drag * side)

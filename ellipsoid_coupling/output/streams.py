@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TextIO
 
+from ellipsoid_coupling.errors import readable
 from ellipsoid_coupling.files.cache import CacheWarning
 
 
@@ -40,14 +42,25 @@ def drop(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+# How numba's warning of a variable begins.
+_UNREAD = re.compile(r"Environment variable 'NUMBA_\w+' is defined but")
+
 _python_shows: Callable[..., None] = warnings.showwarning
 
 
 def warn_in_one_line(
     message: Warning | str, category: type[Warning], *place: object, **details: object
 ) -> None:
-    """For `warnings.showwarning`: a cache that cannot be used is reported to the user like an error."""
+    """For `warnings.showwarning`: what the user can change is reported to him like an error.
+
+    That is a cache that cannot be used, and a variable that numba cannot read, of which numba prints the
+    trace as well.
+    """
+    text = str(message)
     if issubclass(category, CacheWarning):
-        tell(f"ellipsoid: {message}\n")
+        tell(f"ellipsoid: {text}\n")
+    elif _UNREAD.match(text):
+        told = readable(text.partition(".\n")[0])
+        tell(f"ellipsoid: {told}. It is not used; change or unset it.\n")
     else:
         _python_shows(message, category, *place, **details)

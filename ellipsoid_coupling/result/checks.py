@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ellipsoid_coupling.errors import InputError, shown
+from ellipsoid_coupling.files.limits import LARGEST_NUMBER
 from ellipsoid_coupling.result.layouts import (
     DIMENSIONS,
     END_TIME,
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 REMEDY = "Give a result.nc that this package wrote."
 LONGEST_TEXT = 10_000
+# How far a density may be below 0, of its largest, and an axis off, of its length.
+_ROUNDING, _UNEVEN = 1e-9, 2e-6
 
 # Attributes that the package shows, and those that it counts with; others may be anything.
 _TEXTS = (
@@ -68,7 +71,45 @@ def check(result: Result, where: str, shape: tuple[int, ...]) -> None:
                 f"{where}, {name}{np.argwhere(wrong)[0].tolist()}", "a finite number",
                 "NaN or infinity", REMEDY,
             )  # fmt: skip
+    _check_sizes(result, where)
+    _check_axes(result, where)
     _check_attributes(result, where)
+
+
+def _check_sizes(result: Result, where: str) -> None:
+    """InputError for a negative density, or numbers that leave double precision when multiplied."""
+    domain = result.scene.domain
+    for name, array in result.variables.items():
+        is_density = name == "density" and result.layout != "particles"
+        # A density is small where the domain is large: what is within bounds is its mass.
+        most = LARGEST_NUMBER / (domain.width * domain.height if is_density else 1.0)
+        wrong = np.abs(array) > most
+        expected = f"a number of at most {most:g}"
+        if is_density and not wrong.any():
+            wrong = array < -_ROUNDING * array.max(initial=0.0)
+            expected = "a density that is not negative"
+        if wrong.any():
+            place = tuple(np.argwhere(wrong)[0].tolist())
+            raise InputError(f"{where}, {name}{[*place]}", expected, f"{array[place]:g}", REMEDY)
+
+
+def _check_axes(result: Result, where: str) -> None:
+    """InputError unless the axes of a grid are centres of equal cells: of the domain, of a whole turn.
+
+    How many cells is the model's own choice.
+    """
+    domain = result.scene.domain
+    for name, found in result.coordinates.items():
+        if name == "angle":
+            low, width, shift = 0.0, 2.0 * np.pi, 0.0
+        else:
+            low, high = domain.x if name == "x" else domain.y
+            width, shift = high - low, 0.5
+        expected = low + width * (np.arange(found.size) + shift) / found.size
+        # A cell's width may divide the domain to some rounding only, see `scene_grid`.
+        if not np.allclose(found, expected, rtol=1e-12, atol=_UNEVEN * width):
+            told = f"the centres of {found.size} equal cells from {low:g} to {low + width:g}"
+            raise InputError(f"{where}, {name}", told, "other numbers", REMEDY)
 
 
 def _check_attributes(result: Result, where: str) -> None:

@@ -323,8 +323,9 @@ class Result(Summarised):
             _fill_empty(variables)
         return cls(
             scene=scene,
-            model=str(attributes.get("model", "")),
-            scheme=str(attributes.get("scheme", "")),
+            # As they stand there: whether they are texts is checked later.
+            model=attributes.get("model", ""),
+            scheme=attributes.get("scheme", ""),
             layout=layout,
             times=np.asarray(arrays.get("time", ()), dtype=np.float64),
             variables=variables,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import pytest
 from ellipsoid_coupling import simulation
 from ellipsoid_coupling.cli import main
 from ellipsoid_coupling.errors import InputError
-from ellipsoid_coupling.flow import Wanted, obtain_flow
+from ellipsoid_coupling.flow import Wanted, analytic_flow, flow_at, obtain_flow
+from ellipsoid_coupling.flow.misfit import LARGEST_MISFIT, Misfit
 from ellipsoid_coupling.scenes import load_scene
 from ellipsoid_coupling.simulation import scene_flow
 
@@ -27,6 +29,18 @@ def test_a_scene_takes_it_if_asked_for() -> None:
     field = scene_flow(scene, Wanted(COARSE, allow_misfit=True))
     assert field is not None
     assert field.origin.startswith("given: OpenFOAM case l_shape, time 1.85, 17 % off U (rms)")
+
+
+def test_a_saved_field_is_as_far_off_as_the_case(tmp_path: Path) -> None:
+    """What it was read from, with which misfit, stands in the file."""
+    saved = tmp_path / "flow.npz"
+    misfit = Misfit(2.0 * LARGEST_MISFIT, 0.0, 0.0, 0.0, 1.0, 1.0)
+    replace(analytic_flow("shear"), misfit=misfit).save(saved)
+    with pytest.raises(InputError, match=r"flow\.npz: .*10 % off .*--allow-misfit"):
+        flow_at(saved)
+    assert flow_at(saved, allow_misfit=True).misfit == misfit
+    replace(analytic_flow("shear"), misfit=misfit._replace(cells=LARGEST_MISFIT)).save(saved)
+    assert flow_at(saved).misfit is not None
 
 
 @pytest.mark.parametrize(

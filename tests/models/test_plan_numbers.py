@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.flow import analytic_flow
+from ellipsoid_coupling.flow.scales import FlowScales
 from ellipsoid_coupling.models import (
     SCHEMES,
     kind_named,
@@ -102,6 +104,28 @@ def test_numbers_that_decide_are_those_of_their_formulas() -> None:
     assert neighbours_in_reach(scene) == pytest.approx(min(near, 49.0))
     # Speed at the corner over drag 1 and side 3, up to half a point of 200.
     assert float(told["U/(gamma L)"]) == pytest.approx(math.hypot(1.5, 1.5) / 3.0, rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [1e99, 1e200, 1e304, math.inf])
+def test_of_a_flow_beyond_double_precision_nothing_is_told(
+    factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No division by a step of 0, and no U = nan: a saved flow may be as fast as 1e99."""
+
+    def accelerated(*_: object) -> float:
+        return factor
+
+    def scaled(*_: object) -> FlowScales:
+        return FlowScales(math.nan, math.nan, math.nan)
+
+    # By name, as the package has a function of the module's name.
+    module = sys.modules[given_steps.__module__]
+    monkeypatch.setattr(module, "fluid_acceleration", accelerated)
+    monkeypatch.setattr(module, "flow_scales", scaled)
+    settings = SMALL | {"numerics.tolerance": 1e-14, "particles.length": 1e-20}
+    told = facts(ec.load_scene("rotation", settings | {"particles.width": 1e-21}), "microscopic")
+    assert "U/(gamma L)" not in told
+    assert ("steps" in told) == (factor <= 1e200)
 
 
 def test_a_potential_of_few_cells_is_warned_of() -> None:

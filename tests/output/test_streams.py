@@ -95,6 +95,18 @@ def test_settings_of_numba_that_it_does_not_know(
     assert len(line) < 1_000
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("NUMBA_OPT", "foo"), ("NUMBA_LOOP_VECTORIZE", "x\ny")]
+)
+def test_a_variable_that_numba_cannot_read_is_told_in_one_line(name: str, value: str) -> None:
+    """Numba itself warns of it with a trace, when it is imported."""
+    status, _, told = in_shell(f"{COMMAND} models", **{name: value})
+    assert status == 0
+    (line,) = told
+    assert line.startswith(f"ellipsoid: Environment variable '{name}' is defined but its")
+    assert line.endswith("could not be parsed. It is not used; change or unset it.")
+
+
 def test_a_threading_layer_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whichever that is: numba's answer to it is made up here."""
 

@@ -14,6 +14,7 @@ import xarray as xr
 import ellipsoid_coupling as ec
 from ellipsoid_coupling.result import DIMENSIONS, Layout, Result
 from ellipsoid_coupling.scenes import load_scene
+from tests.known_axes import even_axis
 
 SIZES = {"time": 3, "realisation": 2, "particle": 5, "angle": 4, "y": 6, "x": 7}
 # The units that this package writes, as UDUNITS reads them.
@@ -36,7 +37,7 @@ def some_result(layout: Layout, settings: dict[str, Any] | None = None) -> Resul
         for name in names:
             variables[name][..., 2] = 0.0
     axes = () if layout == "particles" else DIMENSIONS[layout][1:]
-    coordinates = {name: np.arange(float(SIZES[name])) for name in axes}
+    coordinates = {name: even_axis(scene, name, SIZES[name]) for name in axes}
     told = {"status": "completed", "seed": 0, "steps": 4}
     return Result(scene, "any", "accurate", layout, times, variables, coordinates, told)
 

@@ -20,6 +20,7 @@ from tests.robustness.conftest import within_limits
 
 DATA = Path(__file__).parents[1] / "data"
 RUN = ["--model", "microscopic"]
+RHO, Q = (["plan", "cavity", "--model", m, "--set"] for m in ("rho_mono_kinetic", "q_mono_kinetic"))
 # Makes the input in a folder and gives the command that is to refuse it.
 Make = Callable[[Path], list[str]]
 
@@ -229,6 +230,9 @@ BAD: dict[str, tuple[Make, str]] = {
     "10^12 particles": (setting("particles.number=1000000000000"), r"1\.28e\+14 particles.*TB"),
     "10^400 particles": (setting(f"particles.number={10**400}"), r"less than or equal to"),
     "tiny cells": (setting("numerics.cell=1e-9", model="rho_mono_kinetic"), r"1e\+18 cells"),
+    "tiny cells, planned": (command(*RHO, "numerics.cell=1e-9"), r"1e\+18 cells"),
+    "cells of 1e-99, planned": (command(*Q, "numerics.cell=1e-99"), r"e\+\d+ cells"),
+    "huge cells, planned": (command(*Q, "numerics.cell=1e99"), r"divides the domain"),
     "10^9 angles": (
         setting("numerics.angle_cells=1000000000", model="q_mono_kinetic"), r"numerics\.angle_cells",
     ),

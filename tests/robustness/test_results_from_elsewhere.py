@@ -26,6 +26,7 @@ from ellipsoid_coupling.errors import InputError
 from ellipsoid_coupling.files.checksum import sealed
 from ellipsoid_coupling.result import DIMENSIONS, MARKS, VARIABLES, Layout, Result
 from ellipsoid_coupling.scenes import load_scene, scene_to_toml
+from tests.known_axes import even_axis
 from tests.robustness.conftest import within_limits
 from tests.robustness.test_mutations import small_result
 
@@ -384,7 +385,7 @@ def test_results_of_every_layout_are_read_back(layout: Layout, tmp_path: Path) -
     }
     values |= {name: values[name].astype(np.int32) for name in values if name == "fate"}
     axes = [] if layout == "particles" else DIMENSIONS[layout][1:]
-    coordinates = {name: np.arange(float(sizes[name])) for name in axes}
+    coordinates = {name: even_axis(scene, name, sizes[name]) for name in axes}
     attributes = {"status": "completed", "seed": 2**62, "mass_end": 1e-300, "warnings": "a, \u00e9"}
     times = np.array(scene.times)
     made = Result(scene, "a", "accurate", layout, times, values, coordinates, attributes)

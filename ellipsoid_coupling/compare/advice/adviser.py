@@ -78,7 +78,7 @@ def advise(
     RunError
         If not even the coarsest reference comes to its end within the seconds.
     """
-    _check(error, quantity, seconds)
+    check_asked(error, quantity, seconds)
     if not isinstance(scene, Scene):
         asked = asked or Asked(str(scene))
         scene = load_scene(scene)
@@ -108,7 +108,8 @@ def advise(
     )
 
 
-def _check(error: float, quantity: str, seconds: float) -> None:
+def check_asked(error: float, quantity: str, seconds: float) -> None:
+    """InputError for an error, a quantity or seconds out of range; no flow is needed for that."""
     if not _LEAST_ERROR <= error < _NO_OVERLAP:
         expected = f"from {_LEAST_ERROR:g} to below 2, an L1 distance"
         raise InputError("--error", expected, f"{error:g}", "Example: --error 0.03.")

@@ -223,9 +223,12 @@ def add_density_bar(
     """The colour bar of density images of one scale: unit, largest value, and where the colours end."""
     top = images[0].get_clim()[1]
     largest = max(float(np.max(np.asarray(image.get_array()))) for image in images)
+    parts = ["density per unit of area", f"largest {largest:.3g}"]
+    if largest > top and maximum is None:
+        parts.append(f"colours to the {PERCENTILE:g}th percentile")
     norm = images[0].norm
-    power = norm.gamma if isinstance(norm, PowerNorm) else 1.0
-    text = density_label(largest, top if maximum is None else largest, power)
+    if isinstance(norm, PowerNorm) and norm.gamma != 1.0:
+        parts[0] += f", power {norm.gamma:g}"
     bar = figure.colorbar(
         images[0],
         ax=beside,
@@ -234,17 +237,8 @@ def add_density_bar(
         pad=0.02,
         aspect=40 if scale == "figure" else 20,
     )
+    text = "\n".join(parts)
     bar.set_label(in_height(figure, text) if scale == "figure" else text)
-
-
-def density_label(largest: float, top: float, power: float) -> str:
-    """A density bar's unit, the largest value, and where the colours end if that is at `top` below it."""
-    parts = ["density per unit of area", f"largest {largest:.3g}"]
-    if power != 1.0:
-        parts[0] += f", power {power:g}"
-    if largest > top:
-        parts.append(f"colours to the {PERCENTILE:g}th percentile")
-    return "\n".join(parts)
 
 
 def draw_density(

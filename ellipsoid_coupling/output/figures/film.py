@@ -29,7 +29,6 @@ from ellipsoid_coupling.output.colours import axis_colours
 from ellipsoid_coupling.output.figures.angle_bar import add_angle_bar
 from ellipsoid_coupling.output.figures.canvas import (
     Extent,
-    add_details,
     new_figure,
     settings,
     show_domain,
@@ -37,7 +36,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     time_title,
     wrapped,
 )
-from ellipsoid_coupling.output.figures.density import common_maximum, density_label
+from ellipsoid_coupling.output.figures.density import common_maximum
 from ellipsoid_coupling.output.figures.ellipses import (
     come_by_the_end,
     enlarged,
@@ -47,7 +46,7 @@ from ellipsoid_coupling.output.figures.ellipses import (
 from ellipsoid_coupling.output.figures.flow import add_arrows
 from ellipsoid_coupling.output.figures.style import DENSITY_COLOURS, axis_map
 from ellipsoid_coupling.output.figures.walls import add_walls
-from ellipsoid_coupling.output.labels import literal, model_name, run_details
+from ellipsoid_coupling.output.labels import literal, model_name
 from ellipsoid_coupling.output.orientation import axis_moment
 from ellipsoid_coupling.output.outlines import drawn_outline, ellipse_outlines
 from ellipsoid_coupling.result import Result
@@ -261,14 +260,13 @@ class _GridFilm:
     def __init__(self, result: Result, flow: FlowField | None) -> None:
         self._result, self._density = result, result.cell_density()
         panel = (_GRID_WIDTH - 2.0) / 2.0
-        self.figure = new_figure(_GRID_WIDTH, _height(result, panel, 2.1), layout="compressed")
+        self.figure = new_figure(_GRID_WIDTH, _height(result, panel, 1.7), layout="compressed")
         engine = self.figure.get_layout_engine()
         if isinstance(engine, ConstrainedLayoutEngine):
             engine.set(wspace=0.06)  # the numbers below one panel keep clear of the other's
         extent = _extent(result)
         panels = self.figure.subplots(1, 2, sharey=True)
         top = common_maximum(list(self._density))
-        largest = float(self._density.max())
         empty = np.zeros(self._density.shape[1:])
         looks = (
             {"cmap": DENSITY_COLOURS, "norm": PowerNorm(_POWER, vmin=0.0, vmax=top)},
@@ -283,7 +281,7 @@ class _GridFilm:
             )
             add_walls(axes, drawn_outline(result.scene, flow), extent)
             axes.set(xlabel="x", title=label)
-            beyond = label == "density" and largest > top
+            beyond = label == "density" and self._density.max() > top
             bar = self.figure.colorbar(
                 image,
                 ax=axes,
@@ -292,14 +290,11 @@ class _GridFilm:
                 extend="max" if beyond else "neither",
                 ticks=MaxNLocator(4),
             )
-            if label == "density":
-                bar.set_label(density_label(largest, top, _POWER))
             self._images.append(image)
         show_multiples_of_pi(bar.ax.xaxis, 0.25)
         panels[1].set_facecolor("0.95")
         panels[0].set_ylabel("y")
         self._title = f"{result.scene.title or result.scene.name}\n{model_name(result.model)}"
-        add_details(self.figure, run_details([result]))
 
     def show(self, k: int) -> None:
         density = self._density[k]

@@ -97,14 +97,6 @@ def test_cells_show_their_mean_axis(q_result: Result, rho_result: Result) -> Non
     np.testing.assert_allclose(np.exp(2j * axis[there]), np.exp(2j * told), atol=1e-12)
 
 
-def test_a_frame_of_grids_says_unit_largest_density_and_resolution(rho_result: Result) -> None:
-    """As the pictures of the same densities do; the largest is that of all times."""
-    figure = film._GridFilm(rho_result, None).figure
-    (label,) = (text for axes in figure.axes if (text := axes.get_xlabel()).startswith("density"))
-    assert label.splitlines()[:2] == ["density per unit of area, power 0.5", "largest 7"]
-    assert [text.get_text() for text in figure.texts] == ["rho, mono-kinetic: accurate, h = 0.125"]
-
-
 def test_ellipses_have_the_colours_of_their_axes(particle_result: Result) -> None:
     """As in `draw_ellipses`; to rounding."""
     shown = film._ParticleFilm(particle_result, None)

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ellipsoid_coupling.geometry import histograms
 from ellipsoid_coupling.output.figures.canvas import (
-    add_legend_below,
     add_title,
     new_figure,
     panel_grid,
@@ -29,12 +28,15 @@ from ellipsoid_coupling.output.figures.canvas import (
     styled,
     time_title,
 )
-from ellipsoid_coupling.output.figures.style import curve_options
+from ellipsoid_coupling.output.figures.style import LEGEND_ENTRY, curve_options
 from ellipsoid_coupling.output.labels import long_labels
 from ellipsoid_coupling.physics.angular import is_polar
 from ellipsoid_coupling.result import Result
 
 Floats = NDArray[np.float64]
+
+# Height of a line of the legend, in inch.
+_LEGEND_LINE = 0.16
 
 
 class Circle(NamedTuple):
@@ -109,7 +111,11 @@ def angle_figure(
         errors = [None if e is None else np.sqrt(folded(e**2)) for e in errors]
         circle = Circle(-0.5 * np.pi, np.pi)
     labels = long_labels(reached)
-    figure = new_figure(2.7 * len(times) + 0.6, 2.9)
+    width = 2.7 * len(times) + 0.6
+    columns = max(1, int(width / LEGEND_ENTRY))
+    lines = 1 + max(label.count("\n") for label in labels)
+    below = _LEGEND_LINE * lines * math.ceil(len(reached) / columns)
+    figure = new_figure(width, 2.9 + below)
     axes = panel_grid(figure, 1, len(times))[0]
     repeats: Counter[str] = Counter()
     for label, result, values, error in zip(labels, reached, distributions, errors, strict=True):
@@ -126,12 +132,29 @@ def angle_figure(
     for time, panel in zip(times, axes, strict=True):
         _finish(panel, time, circle)
     axes[0].set_ylabel("probability density per rad")
-    add_legend_below(figure, axes, labels)
+    add_legend_below(figure, list(axes), labels, columns)
     bands = any(error is not None for error in errors)
     add_title(
         figure, f"{title}\nbands: standard error over realisations".strip() if bands else title
     )
     return figure
+
+
+def add_legend_below(figure: Figure, panels: list[Axes], labels: list[str], columns: int) -> None:
+    """One legend of all panels, of which any may lack a run; in the order of the labels."""
+    handles = {
+        label: handle
+        for panel in panels
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    shown = [label for label in labels if label in handles]
+    figure.legend(
+        [handles[label] for label in shown],
+        shown,
+        loc="outside lower center",
+        ncols=columns,
+        handlelength=3.5,
+    )
 
 
 def _finish(panel: Axes, time: float, circle: Circle) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import wraps
@@ -123,38 +123,6 @@ def add_details(figure: Figure, lines: Sequence[str]) -> None:
         va="bottom",
         linespacing=1.2,
     )
-
-
-def add_legend_below(figure: Figure, panels: Iterable[Axes], labels: Sequence[str]) -> None:
-    """One legend of all panels, of which any may lack a run; in the order of the labels.
-
-    It has the most columns that fit the figure, which grows by its height, and to its width where one
-    column is wider. Call it once all lines are drawn.
-    """
-    handles = {
-        label: handle
-        for panel in panels
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-    }
-    shown = [label for label in labels if label in handles]
-    for columns in range(len(shown), 0, -1):
-        legend = figure.legend(
-            [handles[label] for label in shown],
-            shown,
-            loc="outside lower center",
-            ncols=columns,
-            handlelength=3.5,
-        )
-        # In inch, whatever the file's dots per inch; a rim of half a letter on each side.
-        rim = legend.borderaxespad * rcParams["legend.fontsize"] / 72.0
-        extent = legend.get_window_extent()
-        width, height = extent.width / figure.dpi + 2.0 * rim, extent.height / figure.dpi + rim
-        if columns == 1 or width <= figure.get_figwidth():
-            figure.set_size_inches(
-                max(width, figure.get_figwidth()), figure.get_figheight() + height
-            )
-            return
-        legend.remove()
 
 
 def save_figure(figure: Figure, path: Path) -> Path:

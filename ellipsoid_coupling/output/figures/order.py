@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from ellipsoid_coupling.output.figures.angles import add_legend_below
 from ellipsoid_coupling.output.figures.canvas import (
-    add_legend_below,
     add_title,
     new_figure,
     require,
     save_figure,
     styled,
 )
-from ellipsoid_coupling.output.figures.style import curve_options, line_style
+from ellipsoid_coupling.output.figures.style import LEGEND_ENTRY, curve_options, line_style
 from ellipsoid_coupling.output.labels import long_labels
 from ellipsoid_coupling.output.orientation import order_series
 from ellipsoid_coupling.result import Result
@@ -31,8 +32,9 @@ def order_figure(results: Sequence[Result], title: str = "") -> Figure:
     """The figure of `draw_order`; one axes, the legend below."""
     reached = [result for result in results if result.times.size]
     require(reached, "order figure", "result with a saved time")
-    labels = long_labels(reached)
-    figure = new_figure(5.6, 3.2)
+    labels, width = long_labels(reached), 5.6
+    columns = int(width / LEGEND_ENTRY)
+    figure = new_figure(width, 3.2 + 0.32 * math.ceil(len(reached) / columns))
     axes = figure.add_subplot()
     repeats: Counter[str] = Counter()
     bands = False
@@ -50,7 +52,7 @@ def order_figure(results: Sequence[Result], title: str = "") -> Figure:
             axes.vlines(result.times, low, high, color=options["color"], lw=0.8)
     name = r"order parameter $S = |\langle e^{2 i \theta} \rangle|$"
     axes.set(xlabel="t", ylabel=name, ylim=(-0.02, 1.02))
-    add_legend_below(figure, [axes], labels)
+    add_legend_below(figure, [axes], labels, columns)
     note = "\nbands: standard error over realisations" if bands else ""
     add_title(figure, f"{title}{note}".strip())
     return figure

@@ -17,6 +17,9 @@ DOTS_PER_INCH = 150
 # Letters in an inch of a figure's title, with a margin for wide letters.
 LETTERS_PER_INCH = 10
 
+# Width in inch of a legend's entry with the longest label.
+LEGEND_ENTRY = 2.6
+
 DENSITY_COLOURS = "viridis"
 # The paper's own.
 PAPER_COLOURS = "jet"

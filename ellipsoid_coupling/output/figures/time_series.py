@@ -10,7 +10,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ellipsoid_coupling.output.figures.canvas import (
-    add_legend_below,
     add_title,
     new_figure,
     panel_grid,
@@ -18,7 +17,7 @@ from ellipsoid_coupling.output.figures.canvas import (
     save_figure,
     styled,
 )
-from ellipsoid_coupling.output.figures.style import curve_options, line_style
+from ellipsoid_coupling.output.figures.style import LEGEND_ENTRY, curve_options, line_style
 from ellipsoid_coupling.output.labels import result_labels
 from ellipsoid_coupling.output.series import time_series
 from ellipsoid_coupling.result import Result
@@ -35,13 +34,14 @@ def series_figure(results: Sequence[Result], title: str = "") -> Figure:
     series = [time_series(result) for result in reached]
     names = list(dict.fromkeys(name for one in series for name in one.by_name()))
     rows = math.ceil(len(names) / _COLUMNS)
-    figure = new_figure(_PANEL[0] * _COLUMNS + 0.3, _PANEL[1] * rows + 0.3)
+    width = _PANEL[0] * _COLUMNS + 0.3
+    columns = max(1, int(width / LEGEND_ENTRY))
+    figure = new_figure(width, _PANEL[1] * rows + 0.3 + 0.18 * math.ceil(len(reached) / columns))
     axes = panel_grid(figure, rows, _COLUMNS).ravel()
     for spare in axes[len(names) :]:
         spare.remove()
-    labels = result_labels(reached)
     repeats: Counter[str] = Counter()
-    for label, result, one in zip(labels, reached, series, strict=True):
+    for label, result, one in zip(result_labels(reached), reached, series, strict=True):
         # Few times are saved: each one has a marker, filled for the first run of a model.
         options = curve_options(result.model, repeats[result.model], one.times.size)
         options |= {"label": label, "markevery": None, "marker": line_style(result.model).marker}
@@ -56,7 +56,8 @@ def series_figure(results: Sequence[Result], title: str = "") -> Figure:
         # these numbers is negative.
         panel.set_ylim(0.0, 1.08 * panel.get_ylim()[1])
         panel.set_xlim(left=0.0)
-    add_legend_below(figure, axes[: len(names)], labels)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, handlelength=3.5)
     add_title(figure, title)
     return figure
 

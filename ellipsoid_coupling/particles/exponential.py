@@ -16,7 +16,7 @@ long that particles pass one another unseen (`collisions`).
 
 The position's correction takes energy out, dt^3/12 of it a step. Without drag nothing else does: there
 c = 0, which is velocity Verlet, time-reversible, and keeps the energy but for a ripple of order dt^2. Drag
-so weak that z < 0.001 takes out less than the correction would: there c = 1 - e^{-z} as well. Any change
+so weak that z < 0.0003 takes out less than the correction would: there c = 1 - e^{-z} as well. Any change
 of the step breaks that, so with so little drag and without noise the step is held: it halves and doubles
 only when the tolerance asks for it and allows it, and ever more seldom (`held_step`). Over 1000
 oscillations of V1 at a tolerance of 1e-4 the energy stays within 2.5e-3, which is the ripple, and its

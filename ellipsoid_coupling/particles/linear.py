@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 _SERIES_BELOW = 0.5
 # Drag that damps less than this a step takes less energy than the position's correction would, see
 # `exponential`: there the correction is left out, as without drag.
-HARDLY_DAMPED = 1e-3
+HARDLY_DAMPED = 3e-4
 
 
 class LinearStep(NamedTuple):
